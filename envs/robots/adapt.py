@@ -6,6 +6,7 @@ the shanks capsules that touch the other leg, and everything else touches nothin
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
@@ -292,7 +293,9 @@ def _description(robot: RobotFile, digest: str) -> RobotDescription:
     plain, looks, solid = (AdaptedSpec(robot, digest, shapes) for shapes in (NONE, VISUAL, SOLID))
     parts = robot.plan, robot.com_height, robot.preset
     whole = partial(whole_robot, robot) if robot.fixed else None
-    return RobotDescription(robot.name, plain, *parts, looks=looks, solid=solid, whole=whole, files=digest)
+    content = f"{digest} {replace(robot, model='', preset='')}"  # wherever they lie
+    known = hashlib.sha256(content.encode()).hexdigest()
+    return RobotDescription(robot.name, plain, *parts, looks=looks, solid=solid, whole=whole, files=known)
 
 
 def whole_robot(robot: RobotFile) -> RobotDescription:

@@ -11,6 +11,7 @@ what walking excites. Control takes the joint for rigid: it knows neither its co
 
 from __future__ import annotations
 
+import hashlib
 import math
 import threading
 from collections.abc import Mapping
@@ -21,11 +22,14 @@ import mujoco
 import numpy as np
 
 from ...controllers.errors import InvalidValueError
+from ...controllers.files import read_file
 from ...controllers.model.robot import SMALLEST, BodyPlan, RobotModel
+from ...controllers.settings import is_preset_file
 from ...controllers.whole_body.kinematics import ANY_AXES, KNEE, MEETING_AXES, Array, Ints
 from ...controllers.whole_body.limits import NEVER
 from ..scenario.model_errors import CONTROL_STEP
 from ..scenario.push import BODIES, LINK
+from ..snapshot import model_digest
 from .description import RobotDescription
 from .indices import MISSING, TILT, Indices, find_indices, hinge, known, motor_of
 from .model_files import in_a_line
@@ -298,3 +302,18 @@ class CompiledRobot:
 def compiled_robot(description: RobotDescription) -> CompiledRobot:
     """The robot of a description; one copy per process."""
     return CompiledRobot(description)
+
+
+def robot_digest(description: RobotDescription) -> str:
+    """SHA-256 of what a robot is: of its files, or of the compiled models of one that Python makes."""
+    told = [description.files]
+    if not description.files:
+        body, solid = compiled_robot(description), description.solid
+        models = [body.model] if solid is None else [body.model, body.compiled(solid())]
+        told = [
+            *map(model_digest, models),
+            repr((description.plan, description.com_height, description.model)),
+        ]
+    if is_preset_file(description.preset):
+        told.append(hashlib.sha256(read_file(description.preset)).hexdigest())
+    return hashlib.sha256("\0".join(told).encode()).hexdigest()

@@ -69,7 +69,7 @@ def in_a_line(error: Exception) -> str:
 FOLDERS = "meshdir", "texturedir", "assetdir"  # of the compiler of a model
 NAMING = "file", "filename"  # attributes of MJCF and URDF; of a cube's textures there are six more
 FACES = tuple(f"file{face}" for face in ("right", "left", "up", "down", "front", "back"))
-SMALL = 2**20  # a smaller file is read each time [bytes]
+SMALL = 2**16  # a smaller file is read each time [bytes]
 
 
 def model_digest(model: str) -> str:

@@ -5,7 +5,6 @@ A mesh is named by the file that the model names; other shapes are as MuJoCo has
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import mujoco
 
 from ...controllers.files import is_file
 from .model_files import read_model
-from .source_model import MESH, SPHERE, SourceModel, compiled, paired_shapes, solid, take_out
+from .source_model import MESH, SourceModel, compiled, paired_shapes, solid, take_mesh, take_out
 
 NONE, VISUAL, SOLID = "none", "visual", "solid"  # shapes that are left: those for the eye, or that collide
 HULL = 32  # corners of the convex hull that a mesh collides with, at most
@@ -24,7 +23,6 @@ THEIRS = "model "  # begins the names of what a model's shapes are made of
 CONTACT = "condim", "priority", "friction", "solmix", "solimp", "margin", "gap"  # of a shape that collides
 FOLDER = {"mesh": "meshdir", "texture": "texturedir"}  # field of the compiler
 UNCOPIED = {"id", "info", "name", "classname", "compiler", "plugin", "signature", "material"}
-SOME = 0.01  # radius of a ball in the place of a mesh [m]
 # A shape without weight that touches nothing but what pairs name
 INERT: dict[str, Any] = {"contype": 0, "conaffinity": 0, "mass": 0.0, "group": VISUAL_GROUP}
 
@@ -41,7 +39,7 @@ def add_shapes(spec: mujoco.MjSpec, source: SourceModel, kind: str) -> bool:
     paired, robot = paired_shapes(theirs), {str(source.model.body(body).name) for body in source.bodies}
     take_out((*theirs.sensors, *theirs.pairs, *theirs.excludes, *theirs.tuples, *theirs.skins), theirs)
     theirs.compiler.fusestatic = False
-    shapes = [(geom, _take_mesh(geom)) for geom in theirs.geoms]
+    shapes = [(geom, take_mesh(geom)) for geom in theirs.geoms]
     model = compiled(theirs, source.place)
     for geom, mesh in shapes:
         wanted = solid(geom, paired) if kind == SOLID else geom.group not in COLLISION_GROUPS
@@ -51,15 +49,6 @@ def add_shapes(spec: mujoco.MjSpec, source: SourceModel, kind: str) -> bool:
         for mesh in spec.meshes:
             mesh.maxhullvert = HULL
     return True
-
-
-def _take_mesh(geom: mujoco.MjsGeom) -> str:
-    """Put a ball in the place of a mesh, which is compiled in axes of its own; name of the mesh, if any."""
-    if geom.type != MESH:
-        return ""
-    name = geom.meshname
-    geom.type, geom.meshname, geom.size = SPHERE, "", [SOME, 0.0, 0.0]
-    return name
 
 
 def _add_shape(
@@ -98,9 +87,7 @@ def _copied(spec: mujoco.MjSpec, part: Any, folder: str) -> str:
     for field in dir(part):
         value = getattr(part, field)
         if field[0] != "_" and field not in UNCOPIED and not callable(value):
-            setattr(
-                copy, field, [*value] if isinstance(value, Sequence) and not isinstance(value, str) else value
-            )
+            setattr(copy, field, value)
     if getattr(part, "file", ""):
         copy.file = _found(folder, getattr(part.compiler, FOLDER[kind]), part.file)
     return name

@@ -1,11 +1,11 @@
 """Somebody else's model as MuJoCo compiles it, and the robot of it written down anew.
 
-A file may say one thing in many words: `euler` in any order, `axisangle`, `zaxis`, frames, full inertias,
-shapes that give inertias, defaults, degrees. None of them is read here. MuJoCo compiles the model, and the
+A file may say one thing in many words: Euler angles in any order, axes, frames, full inertias, shapes that
+give inertias, default classes, degrees. None of them is read here. MuJoCo compiles the model, and the
 robot is written into an empty model from what was compiled, so that nothing of the file's defaults reaches
 what is added later. It has bodies, joints and, where asked for, shapes: neither damping, friction and springs
 of the joints nor compensated weight, sensors, pairs, keyframes and actuators. Where a joint's coordinate has
-a `ref`, its body is turned so that the same coordinate is the same posture.
+a reference, its body is turned so that the same coordinate is the same posture.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain
 from typing import Any
 
 import mujoco
@@ -30,6 +29,7 @@ MESH, SPHERE = mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SPHERE
 GROUND = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD  # shapes of a floor
 STRAIGHT = (1.0, 0.0, 0.0, 0.0)
 LEANS = 0.7  # upward part of the root's z axis, below which its axes are not those of a robot that stands
+SOME = 0.01  # radius of a ball in the place of a mesh [m]
 MASS_MIN = 1e-12  # of a body whose inertia counts [kg]
 
 
@@ -193,9 +193,10 @@ class SourceModel:
             kind = mujoco.mjtJoint(int(model.jnt_type[joint]))
             if kind == FREE:
                 continue
+            limited = bool(model.jnt_limited[joint])
             added = body.add_joint(
                 name=self.name(joint), type=kind, pos=model.jnt_pos[joint], axis=model.jnt_axis[joint],
-                range=model.jnt_range[joint], limited=bool(model.jnt_limited[joint]),
+                range=model.jnt_range[joint] * limited, limited=limited,
                 armature=model.dof_armature[model.jnt_dofadr[joint]],
             )  # fmt: skip
             if kind != BALL and (ref := float(model.qpos0[model.jnt_qposadr[joint]])):
@@ -207,8 +208,13 @@ def _called(what: str, name: str) -> str:
     return f"{what} {name!r}" if name else what
 
 
-def read_source(place: str, shapes: bool = False) -> SourceModel:
-    """The model of a file, MJCF or URDF, compiled; with `shapes` where they are asked for or give inertias.
+def read_source(place: str, feet: Collection[str] = ()) -> SourceModel:
+    """The model of a file, MJCF or URDF, compiled, without shapes but for those that give inertias.
+
+    Args:
+        place: its file, or PACKAGE/PATH.
+        feet: joints; where given, the bodies that these move have all of their shapes, the others balls in
+            the place of meshes, and inertias are not the robot's.
 
     Raises:
         MissingExtraError: its package is not installed.
@@ -217,10 +223,24 @@ def read_source(place: str, shapes: bool = False) -> SourceModel:
     spec = read_model(place)
     check_robot(spec, place)
     fuses, spec.compiler.fusestatic = spec.compiler.fusestatic, False
-    take_out(chain(spec.sensors, spec.pairs, spec.excludes, spec.tuples, spec.skins), spec)
-    if not (shapes or list(spec.tendons) or _shapes_weigh(spec)):
-        take_out(chain(spec.geoms, spec.meshes, spec.hfields, spec.materials, spec.textures), spec)
+    take_out((*spec.sensors, *spec.pairs, *spec.excludes, *spec.tuples, *spec.skins), spec)
+    if feet:
+        moved = [spec.joint(name).parent for name in feet]
+        kept = {part.name for body in moved for part in (body, *descendants(body))}
+        shown = {geom.meshname for geom in spec.geoms if geom.parent.name in kept or not take_mesh(geom)}
+        take_out((mesh for mesh in spec.meshes if mesh.name not in shown), spec)
+    elif not (list(spec.tendons) or _shapes_weigh(spec)):
+        take_out((*spec.geoms, *spec.meshes, *spec.hfields, *spec.materials, *spec.textures), spec)
     return SourceModel(place, compiled(spec, place), bool(fuses))
+
+
+def take_mesh(geom: mujoco.MjsGeom) -> str:
+    """Put a ball in the place of a mesh, which is compiled in axes of its own; name of the mesh, if any."""
+    if geom.type != MESH:
+        return ""
+    name = geom.meshname
+    geom.type, geom.meshname, geom.size = SPHERE, "", [SOME, 0.0, 0.0]
+    return name
 
 
 def compiled(spec: mujoco.MjSpec, place: str) -> mujoco.MjModel:

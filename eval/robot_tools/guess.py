@@ -280,7 +280,7 @@ def guess_soles(place: str, joints: tuple[str, str]) -> tuple[Sole, Sole]:
         InvalidValueError: shapes that no sole can be under.
     """
     paired = paired_shapes(read_model(place))
-    source = read_source(place, shapes=True)
+    source = read_source(place, feet=joints)
     model, root = source.model, source.root
     data = mujoco.MjData(model)
     model.body_pos[root], model.body_quat[root] = 0.0, source.upright  # where it is fixed

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.capturability import max_recoverable_force
+from ...controllers.model.robot import RobotModel
 from ...controllers.settings import SWING_TIME, PresetFile, Scale, named_preset, scaled_preset
 from ...envs.biped.core import BipedSettings
 from ...envs.biped.posture import posture
@@ -37,6 +38,7 @@ BENT = 0.875  # length of a standing leg over that of a straight one, the biped'
 LOWERED = 0.24  # of its height the CoM may sink for a long step, the biped's
 FINE = 0.005  # of a height and of a step that are searched [m]
 FARTHEST = 1.0  # step that is looked for [m]
+DIGITS = 13  # that are told of a number
 PUSH = 0.1  # of F* [s]
 DIRECTIONS = 8
 PROVISIONAL = 1.0  # CoM height before it is known [m]
@@ -251,7 +253,7 @@ def new_robot(model: str, name: str) -> NewRobot:
     }
     preset = scaled_settings(body, {"limits": box})
     return NewRobot(
-        file, replace(preset, found={"by": "push-recovery robot new", "robot": asdict(body.robot)}), body
+        file, replace(preset, found={"by": "push-recovery robot new", "robot": told(body.robot)}), body
     )
 
 
@@ -265,6 +267,12 @@ def _motors(source: SourceModel, fixed: list[str]) -> tuple[tuple[str, Motor], .
             "joints an actuatorfrcrange, or its actuators a forcerange"
         )
     return tuple((name, Motor(torque=torques[name])) for name in joints)
+
+
+def told(robot: RobotModel) -> dict[str, Any]:
+    """The constants of a robot without the rounding of the words that its model was said in."""
+    return {name: float(f"{one:.{DIGITS}g}") if isinstance(one, float) else one
+            for name, one in asdict(robot).items()}  # fmt: skip
 
 
 def save(robot: NewRobot, out: Path) -> tuple[Path, Path]:
@@ -282,5 +290,5 @@ def summary(robot: NewRobot) -> dict[str, Any]:
         "name": robot.file.name, "pelvis": plan.pelvis, "trunk": plan.trunk, "left_leg": plan.legs[0],
         "right_leg": plan.legs[1], "waist": plan.waist, "held": dict(plan.held),
         "fixed": dict(robot.file.fixed), "soles": [asdict(sole) for sole in robot.file.soles],
-        "robot": asdict(model), "limits": robot.preset.robot()["limits"], "limit_N": robot.limits,
+        "robot": told(model), "limits": robot.preset.robot()["limits"], "limit_N": robot.limits,
     }  # fmt: skip
