@@ -267,10 +267,14 @@ class CompiledRobot:
     def knee_bend(self) -> Array:
         """Sign of each knee's coordinate where it is bent, (2,): that of the farther end of its range.
 
-        0 for a knee that stops before it is straight.
+        0 for a knee that stops before it is straight; of a knee without a range, or as free both ways, as the
+        plan bends it.
         """
-        low, high = self.model.jnt_range[[leg[KNEE] for leg in self.indices.legs]].T
-        return np.where(low * high > 0.0, 0.0, np.where(low + high < 0.0, -1.0, 1.0))
+        knees = [leg[KNEE] for leg in self.indices.legs]
+        low, high = self.model.jnt_range[knees].T
+        planned = np.sign(self.plan.bend[KNEE]) * np.array([1.0, self.mirror[8 + KNEE]])
+        bent = np.where(low + high == 0.0, np.where(planned == 0.0, 1.0, planned), np.sign(low + high))
+        return np.where(low * high > 0.0, 0.0, bent)
 
     def constants(self) -> tuple[Array, Array, Array, Ints, Array]:
         """Constants of compiled control: the last fields of `Physics`."""

@@ -213,8 +213,9 @@ def _bears(skeleton: Skeleton, body: int, parts: set[int]) -> bool:
 def _bend(skeleton: Skeleton, leg: Chain) -> tuple[float, ...]:
     """Angles of a leg with a bent knee, hip and ankle half as much the other way."""
     model, axes, knee = skeleton.model, skeleton.data.xaxis, leg[3]
-    low, high = model.jnt_range[knee] if model.jnt_limited[knee] else (0.0, 1.0)
-    bent = BENT if high + low >= 0.0 else -BENT
+    low, high = model.jnt_range[knee] if model.jnt_limited[knee] else (0.0, 0.0)
+    ahead = float(np.sign(axes[knee, 1])) or 1.0  # so that the knee goes forward
+    bent = BENT * (float(np.sign(high + low)) or ahead)
     angles = np.zeros(LEG_JOINTS)
     angles[3] = bent
     for part in (leg[:3], leg[4:]):
