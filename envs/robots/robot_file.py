@@ -28,9 +28,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...controllers.errors import InvalidValueError, UnknownNameError
+from ...controllers.errors import InvalidValueError, UnknownNameError, is_finite_number
 from ...controllers.files import is_file, read_file, write_text
-from ...controllers.model.robot import BodyPlan
+from ...controllers.model.robot import LEG_JOINTS, BodyPlan
 from ...controllers.validation import parse_json
 from .model_files import PACKAGES
 
@@ -122,24 +122,69 @@ def read_robot_file(path: str | Path) -> RobotFile:
 
 
 def _parsed(content: dict[str, Any], folder: Path) -> RobotFile:
-    left, right = (Sole(*(tuple(map(float, part)) for part in sole.values())) for sole in content["soles"])
-    held = tuple((name, float(angle)) for name, angle in content.get("held", {}).items())
-    preset, folders = content["preset"], [folder]
+    left, right = (_sole(sole) for sole in content["soles"])
+    preset, folders = _name(content["preset"]), [folder]
     if "written_in" in content:
-        folders.append(Path(content["written_in"]))
+        folders.append(Path(_name(content["written_in"])))
+    legs = [[_name(joint) for joint in leg] for leg in content["legs"]]
+    waist = [None if joint is None else _name(joint) for joint in content["waist"]]
+    plan = make_plan(
+        _name(content["pelvis"]), _name(content["trunk"]), legs, waist,
+        _numbers(content["bend"], LEG_JOINTS), _angles(content.get("held", {})),
+    )  # fmt: skip
     return RobotFile(
-        name=str(content["name"]),
-        model=_place(content["model"], folders),
-        plan=make_plan(
-            content["pelvis"], content["trunk"], content["legs"], content["waist"], content["bend"], held
-        ),
+        name=_name(content["name"]),
+        model=_place(_name(content["model"]), folders),
+        plan=plan,
         soles=(left, right),
-        motors=tuple((name, Motor(**motor)) for name, motor in content["motors"].items()),
-        fixed=tuple((name, float(angle)) for name, angle in content.get("fixed", {}).items()),
-        com_height=float(content["com_height"]),
-        preset=_place(preset, folders) if preset.endswith(".json") else str(preset),
+        motors=tuple((name, Motor(**_motor(motor))) for name, motor in content["motors"].items()),
+        fixed=_angles(content.get("fixed", {})),
+        com_height=_positive(content["com_height"]),
+        preset=_place(preset, folders) if preset.endswith(".json") else preset,
         about=str(content.get("about", "")),
     )
+
+
+def _sole(content: dict[str, Any]) -> Sole:
+    """A sole; raises an error where it has no area or no attitude."""
+    turn = _numbers(content.get("turn", Sole.turn), 4)
+    if not any(turn):
+        raise ValueError("the quaternion 'turn' of a sole must not be 0")
+    length, width = map(_positive, content["size"])
+    if unknown := set(content) - {"centre", "size", "turn"}:
+        raise ValueError(f"a sole has centre, size and turn, got {sorted(unknown)}")
+    return Sole(_numbers(content["centre"], 3), (length, width), turn)
+
+
+def _name(value: object) -> str:
+    """A name; raises TypeError for another thing."""
+    if not (isinstance(value, str) and value):
+        raise TypeError(f"a name must be text, got {value!r:.60}")
+    return value
+
+
+def _numbers(values: Any, n: int) -> tuple[float, ...]:
+    """Finite numbers; raises ValueError for others, or another count of them."""
+    if not (isinstance(values, list | tuple) and len(values) == n and all(map(is_finite_number, values))):
+        raise ValueError(f"{n} finite numbers are needed, got {values!r:.60}")
+    return tuple(map(float, values))
+
+
+def _positive(value: Any) -> float:
+    """A finite number above 0; raises ValueError for another one."""
+    if not (is_finite_number(value) and value > 0.0):
+        raise ValueError(f"a number above 0 is needed, got {value!r:.60}")
+    return float(value)
+
+
+def _motor(content: dict[str, Any]) -> dict[str, float]:
+    """Fields of a motor; raises ValueError for a number that is not above 0."""
+    return {field: _positive(value) for field, value in content.items() if value is not None}
+
+
+def _angles(content: dict[str, Any]) -> Angles:
+    """Angles by joint."""
+    return tuple((name, _numbers([angle], 1)[0]) for name, angle in content.items())
 
 
 def _place(name: str, folders: Sequence[Path]) -> str:

@@ -67,7 +67,7 @@ def test_folders_that_move_together_stay_together(robot_file, tmp_path):
 
 def test_links_are_not_replaced_by_what_they_lead_to(written, tmp_path, monkeypatch):
     """A store keeps contents under names of its own; what a model includes lies beside the links."""
-    path, robot = written
+    path, _ = written
     store, view = tmp_path / "store", tmp_path / "view"
     store.mkdir(), view.mkdir()
     text = (tmp_path / "theirs.xml").read_text()
@@ -182,6 +182,17 @@ def test_one_name_in_two_folders_is_two_robots(written, tmp_path, monkeypatch):
         ({"soles": [{"centre": [0, 0, 0]}]}, r"is not complete or has a value of another kind"),
         ({"legs": [["a"], ["b"]]}, r"the left leg of a BodyPlan has 6 joints"),
         ({"com_height": "high"}, r"is not complete or has a value of another kind"),
+        ({"com_height": float("nan")}, r"a number above 0 is needed, got nan|is not JSON"),
+        ({"soles": [{"centre": [0, 0, 0], "size": [0.2, 0]}] * 2}, r"a number above 0 is needed, got 0"),
+        (
+            {"soles": [{"centre": [0, 0], "size": [0.2, 0.1]}] * 2},
+            r"3 finite numbers are needed, got \[0",
+        ),
+        ({"soles": [{"centre": [0, 0, 0], "size": [1, 1], "turn": [0] * 4}] * 2}, r"must not be 0"),
+        ({"pelvis": ["pelvis"]}, r"a name must be text, got \['pelvis'\]"),
+        ({"held": {"waist_yaw": "0"}}, r"1 finite numbers are needed, got \['0'\]"),
+        ({"motors": {"*": {"torque": -1}}}, r"a number above 0 is needed, got -1"),
+        ({"motors": {"*": {"force": 1}}}, r"unexpected keyword argument 'force'"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_named(written, change, message):
