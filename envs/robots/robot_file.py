@@ -3,6 +3,7 @@
     {"format": "push-recovery robot", "format_version": 1,
      "name": "g1",
      "model": "PACKAGE/PATH/g1.xml",                       in a Python package, or a path from this file
+     "written_in": "/home/me/robots",                      folder of such paths where none is beside this file
      "pelvis": "pelvis", "trunk": "torso_link",            bodies
      "legs": [["left_hip_pitch_joint", ...], [...]],       from hip to sole, the fourth is the knee
      "bend": [-0.3, 0, 0, 0.6, -0.3, 0],                   of the left leg, near which postures lie [rad]
@@ -21,20 +22,22 @@ the first that fits counts, and what it leaves out is the model's.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection
+import os
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...controllers.errors import InvalidValueError, UnknownNameError
-from ...controllers.files import read_file, write_text
-from ...controllers.model.robot import BodyPlan
+from ...controllers.errors import InvalidValueError, UnknownNameError, is_finite_number
+from ...controllers.files import is_file, read_file, write_text
+from ...controllers.model.robot import LEG_JOINTS, BodyPlan
 from ...controllers.validation import parse_json
+from .model_files import PACKAGES
 
 FORMAT, FORMAT_VERSION = "push-recovery robot", 1
 SIDES = ("left", "right")
 KEYS = ("format", "format_version", "name", "model", "pelvis", "trunk", "legs", "bend", "waist", "held",
-        "fixed", "soles", "motors", "com_height", "preset", "about")  # fmt: skip
+        "fixed", "soles", "motors", "com_height", "preset", "about", "written_in")  # fmt: skip
 Angles = tuple[tuple[str, float], ...]
 
 
@@ -111,7 +114,7 @@ def read_robot_file(path: str | Path) -> RobotFile:
         if key not in KEYS:
             raise UnknownNameError(f"key of {what}", key, KEYS)
     try:
-        return _parsed(content, Path(path).parent)
+        return _parsed(content, Path(path).absolute().parent)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise InvalidValueError(
             f"{what} is not complete or has a value of another kind: {error!r}"
@@ -119,35 +122,92 @@ def read_robot_file(path: str | Path) -> RobotFile:
 
 
 def _parsed(content: dict[str, Any], folder: Path) -> RobotFile:
-    left, right = (Sole(*(tuple(map(float, part)) for part in sole.values())) for sole in content["soles"])
-    held = tuple((name, float(angle)) for name, angle in content.get("held", {}).items())
-    preset = content["preset"]
+    left, right = (_sole(sole) for sole in content["soles"])
+    preset, folders = _name(content["preset"]), [folder]
+    if "written_in" in content:
+        folders.append(Path(_name(content["written_in"])))
+    legs = [[_name(joint) for joint in leg] for leg in content["legs"]]
+    waist = [None if joint is None else _name(joint) for joint in content["waist"]]
+    plan = make_plan(
+        _name(content["pelvis"]), _name(content["trunk"]), legs, waist,
+        _numbers(content["bend"], LEG_JOINTS), _angles(content.get("held", {})),
+    )  # fmt: skip
     return RobotFile(
-        name=str(content["name"]),
-        model=_beside(folder, content["model"]),
-        plan=make_plan(
-            content["pelvis"], content["trunk"], content["legs"], content["waist"], content["bend"], held
-        ),
+        name=_name(content["name"]),
+        model=_place(_name(content["model"]), folders),
+        plan=plan,
         soles=(left, right),
-        motors=tuple((name, Motor(**motor)) for name, motor in content["motors"].items()),
-        fixed=tuple((name, float(angle)) for name, angle in content.get("fixed", {}).items()),
-        com_height=float(content["com_height"]),
-        preset=_beside(folder, preset) if preset.endswith(".json") else str(preset),
+        motors=tuple((name, Motor(**_motor(motor))) for name, motor in content["motors"].items()),
+        fixed=_angles(content.get("fixed", {})),
+        com_height=_positive(content["com_height"]),
+        preset=_place(preset, folders) if preset.endswith(".json") else preset,
         about=str(content.get("about", "")),
     )
 
 
-def _beside(folder: Path, name: str) -> str:
-    """The path of a file that lies beside the robot file, or the name itself where none does."""
-    beside = folder / name
-    return str(beside.resolve()) if beside.is_file() else name
+def _sole(content: dict[str, Any]) -> Sole:
+    """A sole; raises an error where it has no area or no attitude."""
+    turn = _numbers(content.get("turn", Sole.turn), 4)
+    if not any(turn):
+        raise ValueError("the quaternion 'turn' of a sole must not be 0")
+    length, width = map(_positive, content["size"])
+    if unknown := set(content) - {"centre", "size", "turn"}:
+        raise ValueError(f"a sole has centre, size and turn, got {sorted(unknown)}")
+    return Sole(_numbers(content["centre"], 3), (length, width), turn)
+
+
+def _name(value: object) -> str:
+    """A name; raises TypeError for another thing."""
+    if not (isinstance(value, str) and value):
+        raise TypeError(f"a name must be text, got {value!r:.60}")
+    return value
+
+
+def _numbers(values: Any, n: int) -> tuple[float, ...]:
+    """Finite numbers; raises ValueError for others, or another count of them."""
+    if not (isinstance(values, list | tuple) and len(values) == n and all(map(is_finite_number, values))):
+        raise ValueError(f"{n} finite numbers are needed, got {values!r:.60}")
+    return tuple(map(float, values))
+
+
+def _positive(value: Any) -> float:
+    """A finite number above 0; raises ValueError for another one."""
+    if not (is_finite_number(value) and value > 0.0):
+        raise ValueError(f"a number above 0 is needed, got {value!r:.60}")
+    return float(value)
+
+
+def _motor(content: dict[str, Any]) -> dict[str, float]:
+    """Fields of a motor; raises ValueError for a number that is not above 0."""
+    return {field: _positive(value) for field, value in content.items() if value is not None}
+
+
+def _angles(content: dict[str, Any]) -> Angles:
+    """Angles by joint."""
+    return tuple((name, _numbers([angle], 1)[0]) for name, angle in content.items())
+
+
+def _place(name: str, folders: Sequence[Path]) -> str:
+    """The absolute path of a file, from the first of some folders where it lies; PACKAGE/PATH as it is.
+
+    Links are not resolved, since what a model names lies beside the link. A step back, `..`, is one in the
+    text of the path and, where there is no such file, one from where a link leads.
+    """
+    if name.partition("/")[0] in PACKAGES:
+        return name
+    paths = [os.path.join(folder, name) for folder in folders]
+    found = (path for way in paths for path in (os.path.normpath(way), way) if is_file(path))
+    return next(found, paths[0])
 
 
 def write_robot_file(path: Path, robot: RobotFile, preset: str) -> None:
     """Write the robot whole or not at all; `preset` is what the file calls its preset."""
-    plan = robot.plan
+    plan, folder = robot.plan, path.absolute().parent
+    inside = robot.model.partition("/")[0] in PACKAGES
+    model = robot.model if inside else os.path.relpath(robot.model, folder)  # folders may move together
     content = {
-        "format": FORMAT, "format_version": FORMAT_VERSION, "name": robot.name, "model": robot.model,
+        "format": FORMAT, "format_version": FORMAT_VERSION, "name": robot.name, "model": model,
+        **({} if inside else {"written_in": str(folder)}),
         "pelvis": plan.pelvis, "trunk": plan.trunk, "legs": plan.legs, "bend": plan.bend,
         "waist": plan.waist, "held": dict(plan.held), "fixed": dict(robot.fixed),
         "soles": [asdict(sole) for sole in robot.soles],

@@ -20,9 +20,10 @@ from ...controllers.model.robot import SAME, RobotModel, Similarity
 from ...controllers.whole_body.kinematics import PELVIS
 from ...envs.biped.core import BipedCore
 from ...envs.joint.full_body import joint_names
-from ...envs.robots.adapt import AdaptedSpec, model_file
+from ...envs.robots.adapt import AdaptedSpec
 from ...envs.robots.compiled_robot import CompiledRobot
 from ...envs.robots.indices import MISSING
+from ...envs.robots.model_files import model_file
 from ...envs.scenario.push import Push
 from ...envs.scenario.scenario import FASTEST_TURN, Scenario
 from ..rollout.contract import gaitkeeper

@@ -1,22 +1,39 @@
 """Guesses about a model that nobody has described: its legs, its waist, its other joints, and its soles.
 
-They are to be looked through. The joints are those of a skeleton, the model without shapes as it stands with
-all joints at 0; a sole is the rectangle under the shapes of a foot's body.
+They are to be looked through; one that cannot be right is refused. The joints are those of a skeleton, the
+model without shapes as it stands with all joints at 0; a sole is the rectangle under the shapes of a foot's
+body, on the plane that the foot would rest on, however it leans there.
 """
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import LEG_JOINTS, BodyPlan
-from ...envs.robots.adapt import COLLISION_GROUPS, add_root, drop_shapes, largest_torques, read_model
+from ...envs.robots.model_files import read_model
 from ...envs.robots.robot_file import Angles, Sole, make_plan
+from ...envs.robots.shapes import COLLISION_GROUPS, geom_type
+from ...envs.robots.source_model import (
+    BALL,
+    FREE,
+    HINGE,
+    KINDS,
+    STRAIGHT,
+    SourceModel,
+    compiled,
+    conjugate,
+    paired_shapes,
+    product,
+    read_source,
+)
 
 Chain = tuple[int, ...]
 
@@ -25,21 +42,29 @@ Chain = tuple[int, ...]
 class Skeleton:
     """A model without shapes, upright with all joints at 0."""
 
-    name: str  # where the model lies
+    source: SourceModel
     model: mujoco.MjModel
     data: mujoco.MjData
-    torques: dict[str, float]  # joint -> largest torque [N m]
-    posture: dict[str, float]  # joint -> angle in the model's first keyframe [rad]
+
+    @property
+    def name(self) -> str:
+        """Where the model lies."""
+        return self.source.place
 
     @cached_property
     def root(self) -> int:
         """Body with the free joint."""
-        return int(self.model.jnt_bodyid[self.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE][0])
+        return int(self.model.jnt_bodyid[self.model.jnt_type == FREE][0])
 
     @cached_property
     def hinges(self) -> list[int]:
         """Numbers of all hinges."""
-        return np.flatnonzero(self.model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).tolist()
+        return np.flatnonzero(self.model.jnt_type == HINGE).tolist()
+
+    @cached_property
+    def moving(self) -> list[int]:
+        """Numbers of all joints but the free one."""
+        return np.flatnonzero(self.model.jnt_type != FREE).tolist()
 
     def names(self, joints: Iterable[int]) -> list[str]:
         """Names of joints."""
@@ -51,7 +76,7 @@ class Skeleton:
         dof = int(model.jnt_dofadr[joint])
         while dof >= 0:
             owner = int(model.dof_jntid[dof])
-            if model.jnt_type[owner] == mujoco.mjtJoint.mjJNT_HINGE:
+            if model.jnt_type[owner] == HINGE:
                 found.append(owner)
             dof = int(model.dof_parentid[dof])
         return tuple(reversed(found))
@@ -62,42 +87,24 @@ class Skeleton:
 
 
 def read_skeleton(model: str) -> Skeleton:
-    """The skeleton of a model, MJCF or URDF; one without a robot in it is refused."""
-    spec = read_model(model)
-    torques, posture = largest_torques(spec), first_keyframe(spec)
-    followers = [joint.name for joint in spec.joints]  # joints that follow others are none of the legs
-    drop_shapes(spec, fixed=followers)
-    roots = [body for body in spec.worldbody.bodies if list(body.bodies)]
-    if not roots:
-        raise InvalidValueError(
-            f"there is no robot in the model {model!r}: no body has others hanging from it"
-        )
-    add_root(spec, roots[0].name)
-    compiled = spec.compile()
-    data = mujoco.MjData(compiled)
-    data.qpos[:], data.qpos[3] = 0.0, 1.0
-    mujoco.mj_kinematics(compiled, data)
-    mujoco.mj_comPos(compiled, data)
-    return Skeleton(model, compiled, data, torques, posture)
-
-
-def first_keyframe(spec: mujoco.MjSpec) -> dict[str, float]:
-    """Angles of the first keyframe of a model; none where it has no keyframe."""
-    keys = list(spec.keys)
-    if not keys:
-        return {}
-    angles, place, found = np.array(keys[0].qpos), 0, {}
-    for joint in spec.joints:
-        free = joint.type == mujoco.mjtJoint.mjJNT_FREE
-        if not free and place < len(angles):
-            found[joint.name] = float(angles[place])
-        place += 7 if free else 1
-    return found
+    """The skeleton of a model, MJCF or URDF; couplings of joints are left out, and others refused."""
+    source = read_source(model)
+    source.refuse_couplings([source.name(joint) for joint in source.joints])
+    spec = source.rewritten()
+    source.stand_up(spec)
+    robot = compiled(spec, model)
+    data = mujoco.MjData(robot)
+    data.qpos[:7] = 0.0, 0.0, 0.0, *STRAIGHT
+    mujoco.mj_kinematics(robot, data)
+    mujoco.mj_comPos(robot, data)
+    return Skeleton(source, robot, data)
 
 
 BENT = 0.7  # of the knee, half of it at hip and ankle the other way [rad]
 ALONG = 1.0 - 1e-6  # least component of an axis along x, y or z that counts as that axis
 HEAVY = 0.4  # share of the upper body's mass from which a branch has the trunk
+HANGS = 0.5  # least share of a leg's length by which it reaches down
+SHIN = 0.25  # share of the legs' height over the ankles up to which no other limb reaches down
 LIGHT = 0.015  # share of the robot's mass below which a joint moves too little to be one
 
 
@@ -107,12 +114,18 @@ def guess_plan(skeleton: Skeleton) -> tuple[BodyPlan, Angles]:
     waist, trunk = find_waist(skeleton, {*left, *right})
     roles, held, fixed = {*left, *right, *waist}, [], []
     model, masses = skeleton.model, skeleton.model.body_subtreemass
-    for joint, name in zip(skeleton.hinges, skeleton.names(skeleton.hinges), strict=True):
+    for joint, name in zip(skeleton.moving, skeleton.names(skeleton.moving), strict=True):
         if joint not in roles:
-            angle = skeleton.posture.get(name, 0.0)
-            if model.jnt_limited[joint]:
+            kind = mujoco.mjtJoint(int(model.jnt_type[joint]))
+            angle = skeleton.source.posture.get(name, 0.0)
+            if model.jnt_limited[joint] and kind != BALL:
                 angle = min(max(angle, float(model.jnt_range[joint, 0])), float(model.jnt_range[joint, 1]))
             light = masses[model.jnt_bodyid[joint]] < LIGHT * masses[skeleton.root]
+            if kind != HINGE and not light:
+                raise InvalidValueError(
+                    f"joint {name!r} of {skeleton.name!r} is a {KINDS[kind]} that moves "
+                    f"{masses[model.jnt_bodyid[joint]]:.3g} kg: control knows hinges alone"
+                )
             (fixed if light else held).append((name, round(angle, 6)))
     plan = make_plan(
         str(model.body(skeleton.root).name),
@@ -139,12 +152,32 @@ def find_legs(skeleton: Skeleton) -> tuple[Chain, Chain]:
             f"two legs of {LEG_JOINTS} joints each are needed; the lowest chains of {skeleton.name!r} have "
             f"{[skeleton.names(chain) for chain in chains]}"
         )
+    _refuse_other_legs(skeleton, ends, chains)
     chains.sort(key=lambda chain: -anchors[chain[-1], 1])
     if not anchors[chains[0][-1], 1] > 0.0 > anchors[chains[1][-1], 1]:
         raise InvalidValueError(
             f"the legs of {skeleton.name!r} must lie left (y > 0) and right of its middle"
         )
     return chains[0], chains[1]
+
+
+def _refuse_other_legs(skeleton: Skeleton, ends: list[int], legs: list[Chain]) -> None:
+    """Raise InvalidValueError where legs do not hang down, or another limb reaches as low as they do."""
+    heights = skeleton.data.xanchor[:, 2]
+    hip, ankle = (max(heights[leg[place]] for leg in legs) for place in (0, -1))
+    length = max(
+        sum(np.linalg.norm(np.diff(skeleton.data.xanchor[list(leg)], axis=0), axis=1)) for leg in legs
+    )
+    if hip - ankle < HANGS * length:
+        raise InvalidValueError(
+            f"the lowest chains of {skeleton.name!r}, {[skeleton.names(leg) for leg in legs]}, are no legs: "
+            f"with all joints at 0 they reach down {max(hip - ankle, 0.0):.2f} of their {length:.2f} m"
+        )
+    others = [joint for joint in ends if not any(joint in leg for leg in legs)]
+    if low := [joint for joint in others if heights[joint] < ankle + SHIN * (hip - ankle)]:
+        raise InvalidValueError(
+            f"{skeleton.name!r} is no biped: beside its legs {skeleton.names(low)} reach as low as its ankles"
+        )
 
 
 def find_waist(skeleton: Skeleton, legs: set[int]) -> tuple[tuple[int | None, int | None], int]:
@@ -180,8 +213,9 @@ def _bears(skeleton: Skeleton, body: int, parts: set[int]) -> bool:
 def _bend(skeleton: Skeleton, leg: Chain) -> tuple[float, ...]:
     """Angles of a leg with a bent knee, hip and ankle half as much the other way."""
     model, axes, knee = skeleton.model, skeleton.data.xaxis, leg[3]
-    low, high = model.jnt_range[knee] if model.jnt_limited[knee] else (0.0, 1.0)
-    bent = BENT if high + low >= 0.0 else -BENT
+    low, high = model.jnt_range[knee] if model.jnt_limited[knee] else (0.0, 0.0)
+    ahead = float(np.sign(axes[knee, 1])) or 1.0  # so that the knee goes forward
+    bent = BENT * (float(np.sign(high + low)) or ahead)
     angles = np.zeros(LEG_JOINTS)
     angles[3] = bent
     for part in (leg[:3], leg[4:]):
@@ -192,67 +226,228 @@ def _bend(skeleton: Skeleton, leg: Chain) -> tuple[float, ...]:
 
 LOW = 0.012  # points up to this high over the lowest one belong to the sole [m]
 LEVEL = 1e-6  # a foot that leans by less has its sole's axes [rad]
-CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+FLAT = 1e-3  # over the lowest point a face is taken for level up to this high [m]
+UPWARD = 0.5  # least upward part of the normal of a sole, all joints at 0
+NARROW, WIDE = 0.02, 0.8  # least and largest size of a sole over the height of the pelvis above it
+ALIKE = 0.1  # largest difference of both soles' sizes and heights, as a share
+SLANTING = 0.9  # area of a turned rectangle over that of the one straight ahead, from which it is the sole
+CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+RIM = 24  # points of a disc that stand for it
 Array = NDArray[np.float64]
+UP, FORWARD = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
 
 
-def guess_soles(model_place: str, joints: tuple[str, str]) -> tuple[Sole, Sole]:
-    """Soles of the bodies that two joints move, level in the reference posture."""
-    try:
-        model = read_model(model_place).compile()
-    except ValueError as error:
-        raise InvalidValueError(f"MuJoCo cannot compile the model {model_place!r}: {error}") from error
+class Parts(NamedTuple):
+    """Balls, discs and corners whose hull the shapes of a foot are, n in world axes [m]."""
+
+    centres: Array  # (n, 3)
+    radii: Array  # (n,), 0 of a corner
+    axes: Array  # (n, 3) normal of a disc; 0 of a ball
+    outline: Array  # (n,) share of the radius that belongs to the sole: none of a ball that is a whole shape
+
+    def reach(self, direction: Array) -> Array:
+        """How far each part goes beyond its centre (n,) [m]: r sqrt(1 - (a . u)^2)."""
+        across = 1.0 - (self.axes @ direction) ** 2
+        return self.radii * np.sqrt(np.maximum(across, 0.0))
+
+    def heights(self, normal: Array) -> Array:
+        """Lowest point of each part along a normal (n,) [m]."""
+        return self.centres @ normal - self.reach(normal)
+
+    def extent(self, direction: Array) -> tuple[float, float]:
+        """Least and largest coordinate of the outline [m]."""
+        middle, more = self.centres @ direction, self.reach(direction) * self.outline
+        return float((middle - more).min()), float((middle + more).max())
+
+    def points(self, normal: Array) -> Array:
+        """Points that a plane with this normal can touch from below, (m, 3) [m]."""
+        discs = self.axes.any(axis=1)
+        balls = self.centres[~discs] - self.radii[~discs, None] * normal
+        rims, angles = [balls], np.linspace(0.0, 2.0 * np.pi, RIM, endpoint=False)
+        for centre, radius, axis in zip(
+            self.centres[discs], self.radii[discs], self.axes[discs], strict=True
+        ):
+            first, second = np.linalg.svd(axis[None])[2][1:]
+            rims.append(
+                centre + radius * (np.outer(np.cos(angles), first) + np.outer(np.sin(angles), second))
+            )
+        return np.concatenate(rims)
+
+
+def guess_soles(place: str, joints: tuple[str, str]) -> tuple[Sole, Sole]:
+    """Soles of the bodies that two joints move.
+
+    Raises:
+        InvalidValueError: shapes that no sole can be under.
+    """
+    paired = paired_shapes(read_model(place))
+    source = read_source(place, feet=joints)
+    model, root = source.model, source.root
     data = mujoco.MjData(model)
-    if model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE:
-        data.qpos[:7] = 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
-    data.qpos[7 if model.nq != model.nv else 0 :] = 0.0
+    model.body_pos[root], model.body_quat[root] = 0.0, source.upright  # where it is fixed
+    data.qpos[:] = 0.0
+    for joint in range(model.njnt):
+        if model.jnt_type[joint] in (FREE.value, BALL.value):
+            first = int(model.jnt_qposadr[joint]) + 3 * (model.jnt_type[joint] == FREE.value)
+            own = source.upright if model.jnt_bodyid[joint] == root else STRAIGHT
+            data.qpos[first : first + 4] = own
     mujoco.mj_kinematics(model, data)
-    left, right = (_sole(model, data, int(model.jnt_bodyid[model.joint(name).id])) for name in joints)
+    feet = [int(model.jnt_bodyid[model.joint(name).id]) for name in joints]
+    ankles = [data.xanchor[model.joint(name).id] for name in joints]
+    left, right = (_sole(model, data, foot, paired) for foot in feet)
+    names = [str(model.body(foot).name) for foot in feet]
+    places = [data.xpos[foot] + data.xmat[foot].reshape(3, 3) @ sole.centre
+              for foot, sole in zip(feet, (left, right), strict=True)]  # fmt: skip
+    _check_soles(names, (left, right), np.array(places), np.array(ankles))
     return left, right
 
 
-def _sole(model: mujoco.MjModel, data: mujoco.MjData, foot: int) -> Sole:
+def _check_soles(names: list[str], soles: tuple[Sole, Sole], places: Array, ankles: Array) -> None:
+    """Raise InvalidValueError where two guesses, their places and ankles (2, 3) [m], cannot be soles."""
+    for name, sole, place, ankle in zip(names, soles, places, ankles, strict=True):
+        least, most, size = NARROW * -place[2], WIDE * -place[2], " x ".join(f"{one:g}" for one in sole.size)
+        if not (place[2] < 0.0 and place[2] < ankle[2]):
+            raise InvalidValueError(f"the shapes of foot {name!r} are not below its ankle and the pelvis")
+        if not all(least <= one <= most for one in sole.size):
+            raise InvalidValueError(
+                f"the shapes of foot {name!r} would make a sole of {size} m; it must be {least:.2g} to "
+                f"{most:.2g} m long and wide: a point or an edge is none"
+            )
+    (left, right), apart = soles, abs(places[0, 1] - places[1, 1])
+    sizes = " and ".join(" x ".join(f"{one:g}" for one in sole.size) for sole in soles)
+    if any(abs(a - b) > ALIKE * max(a, b) for a, b in zip(left.size, right.size, strict=True)):
+        raise InvalidValueError(f"the shapes of feet {names} would make unlike soles, of {sizes} m")
+    if abs(places[0, 2] - places[1, 2]) > ALIKE * -places[:, 2].min():
+        raise InvalidValueError(
+            f"the shapes of feet {names} would make soles at unlike heights, {-places[0, 2]:.3g} and "
+            f"{-places[1, 2]:.3g} m below the pelvis"
+        )
+    if apart < 0.5 * (left.size[1] + right.size[1]):
+        raise InvalidValueError(
+            f"the shapes of feet {names} would make soles of {sizes} m that overlap, only {apart:.3g} m apart"
+        )
+
+
+def _sole(model: mujoco.MjModel, data: mujoco.MjData, foot: int, paired: set[str]) -> Sole:
     """The sole of a foot's body."""
-    points = np.concatenate(
-        [np.empty((0, 3)), *(_points(model, data, geom) for geom in _shapes(model, foot))]
-    )
-    if not len(points):
-        raise InvalidValueError(f"foot {model.body(foot).name!r} has no shapes to take its sole from")
-    lowest = points[:, 2].min()
-    low = points[points[:, 2] < lowest + LOW]
-    least, most = low.min(axis=0), low.max(axis=0)
-    centre = np.array([*(0.5 * (least + most))[:2], lowest])
-    turned = data.xmat[foot].reshape(3, 3)
-    inside, turn = turned.T @ (centre - data.xpos[foot]), data.xquat[foot] * [1.0, -1.0, -1.0, -1.0]
-    if np.linalg.norm(turn[1:]) < LEVEL:
-        turn = np.array([1.0, 0.0, 0.0, 0.0])
-    size = np.round((most - least)[:2], 4)
+    name, shapes = str(model.body(foot).name), _shapes(model, foot, paired)
+    if not shapes:
+        raise InvalidValueError(f"foot {name!r} has no shapes to take its sole from")
+    parts = Parts(*map(np.concatenate, zip(*(_parts(model, data, geom) for geom in shapes), strict=True)))
+    normal = sole_normal(parts)
+    if normal[2] < UPWARD:
+        raise InvalidValueError(
+            f"the shapes of foot {name!r} would make a sole that leans by {np.arccos(normal[2]):.2g} rad, "
+            f"all joints at 0; it must lean by less than {np.arccos(UPWARD):.2g}"
+        )
+    heights = parts.heights(normal)
+    low = Parts(*(part[heights < heights.min() + LOW] for part in parts))
+    x, y = sole_axes(low, normal)
+    (back, front), (right, left) = low.extent(x), low.extent(y)
+    centre = 0.5 * (back + front) * x + 0.5 * (right + left) * y + heights.min() * normal
+    own, axes = np.empty(4), np.column_stack([x, y, normal])
+    mujoco.mju_mat2Quat(own, axes.ravel())
+    turn = product(conjugate(data.xquat[foot]), own if (axes != np.eye(3)).any() else np.array(STRAIGHT))
+    inside = data.xmat[foot].reshape(3, 3).T @ (centre - data.xpos[foot])
+    turn = np.array(STRAIGHT) if np.linalg.norm(turn[1:]) < LEVEL else np.round(turn, 12)
+    size = np.round([front - back, left - right], 4)
     return Sole(tuple(np.round(inside, 6).tolist()), tuple(size.tolist()), tuple(turn.tolist()))
 
 
-def _shapes(model: mujoco.MjModel, foot: int) -> list[int]:
+def sole_normal(parts: Parts) -> Array:
+    """Upward normal of the plane that a foot rests on: of the face of its hull under its middle, (3,).
+
+    A face that is level up to FLAT is level. Shapes that touch along a line alone rest on it.
+    """
+    normal = UP
+    for _ in range(ROUNDS):
+        points, before = parts.points(normal), normal
+        normal = _face_below(points)
+        if normal is UP or np.abs(normal - before).max() < SAME:
+            break
+    return normal
+
+
+ROUNDS, SAME = 20, 1e-12  # of the search for the plane under balls of several sizes
+
+
+def _face_below(points: Array) -> Array:
+    """Upward normal of the lowest face of a hull under the middle of its points, (3,)."""
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))[:2]
+    try:
+        planes = ConvexHull(np.concatenate([points, points + UP])).equations
+    except QhullError:
+        along = np.linalg.svd(points - points.mean(axis=0))[2][0]
+        across = UP - (UP @ along) * along
+        return UP if abs(along[2]) < LEVEL or abs(along[2]) > UPWARD else across / np.linalg.norm(across)
+    below = planes[planes[:, 2] < -LEVEL]
+    under = -(below[:, :2] @ middle + below[:, 3]) / below[:, 2]
+    face = int(under.argmax())
+    return UP if under[face] - points[:, 2].min() < FLAT else -below[face, :3]
+
+
+def sole_axes(parts: Parts, normal: Array) -> tuple[Array, Array]:
+    """Axes of a sole's rectangle: straight ahead, or along an edge where that one is much smaller."""
+    if normal is UP:
+        straight = FORWARD
+    else:
+        straight = FORWARD - (FORWARD @ normal) * normal
+        straight /= np.linalg.norm(straight)
+    aside = np.cross(normal, straight)
+
+    def area(x: Array) -> float:
+        return float(np.prod([np.diff(parts.extent(u)) for u in (x, np.cross(normal, x))]))
+
+    flat = np.column_stack([parts.centres @ straight, parts.centres @ aside])
+    try:
+        corners = flat[ConvexHull(flat).vertices]
+    except (QhullError, ValueError):
+        return straight, aside
+    edges = np.roll(corners, -1, axis=0) - corners
+    angles = np.arctan2(edges[:, 1], edges[:, 0])
+    angles = (angles + 0.25 * np.pi) % (0.5 * np.pi) - 0.25 * np.pi  # of the side next to straight ahead
+    turned = [np.cos(angle) * straight + np.sin(angle) * aside for angle in angles]
+    best = min(turned, key=area)
+    if area(best) < SLANTING * area(straight):
+        return best, np.cross(normal, best)
+    return straight, aside
+
+
+def _shapes(model: mujoco.MjModel, foot: int, paired: set[str]) -> list[int]:
     """Shapes of a foot: those that are for collisions where there are any, with what is fixed to the foot."""
     fixed = model.body_weldid == model.body_weldid[foot]
     found = np.flatnonzero(fixed[model.geom_bodyid]).tolist()
-    touching = model.geom_contype + model.geom_conaffinity
-    paired = {*model.pair_geom1.tolist(), *model.pair_geom2.tolist()}
-    touches = [geom for geom in found if touching[geom] or geom in paired]
+    bits = model.geom_contype | model.geom_conaffinity
+    touches = [geom for geom in found if bits[geom] or model.geom(geom).name in paired]
     solid = touches or [geom for geom in found if model.geom_group[geom] in COLLISION_GROUPS]
     return solid or found
 
 
-def _points(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Array:
-    """Points of a shape in the world that its lowest ones are among, (n, 3) [m]."""
-    kind, size = mujoco.mjtGeom(int(model.geom_type[geom])), model.geom_size[geom]
+def _parts(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Parts:
+    """Parts of a shape."""
+    kind, size = geom_type(model, geom), model.geom_size[geom]
     place, axes = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)
+    ends = place + np.array([[-1.0], [1.0]]) * size[1] * axes[:, 2]
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        return _balls(ends, size[0], 1.0)
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        return _balls(ends, size[0], 1.0)._replace(axes=np.tile(axes[:, 2], (2, 1)))
     if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-        return place[None] - [0.0, 0.0, size[0]]
+        return _balls(place[None], size[0], 0.0)
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        return _balls(place + (CORNERS * size) @ axes.T, 0.0, 0.0)
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         mesh = int(model.geom_dataid[geom])
         first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-        return place + model.mesh_vert[first : first + count] @ axes.T
-    half = size
-    if kind in (mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_CAPSULE):
-        cap = size[0] if kind == mujoco.mjtGeom.mjGEOM_CAPSULE else 0.0
-        half = np.array([size[0], size[0], size[1] + cap])
-    return place + (CORNERS * half) @ axes.T
+        return _balls(place + model.mesh_vert[first : first + count] @ axes.T, 0.0, 0.0)
+    if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+        below = axes @ (size**2 * axes[2]) / np.linalg.norm(size * axes[2])  # x that maximises x . z
+        return _balls((place - below)[None], 0.0, 0.0)
+    name, shape = str(model.body(model.geom_bodyid[geom]).name), kind.name.removeprefix("mjGEOM_").lower()
+    raise InvalidValueError(f"foot {name!r} has a shape that no sole is guessed from, a {shape}")
+
+
+def _balls(centres: Array, radius: float, outline: float) -> Parts:
+    """Balls of one radius; corners where it is 0."""
+    n = len(centres)
+    return Parts(centres, np.full(n, radius), np.zeros((n, 3)), np.full(n, outline))

@@ -15,15 +15,18 @@ import numpy as np
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.capturability import max_recoverable_force
+from ...controllers.model.robot import RobotModel
 from ...controllers.settings import SWING_TIME, PresetFile, Scale, named_preset, scaled_preset
 from ...envs.biped.core import BipedSettings
 from ...envs.biped.posture import posture
-from ...envs.robots.adapt import PACKAGES, description_of, largest_torques, read_model
+from ...envs.robots.adapt import description_of
 from ...envs.robots.biped import biped
 from ...envs.robots.compiled_robot import CompiledRobot, compiled_robot
 from ...envs.robots.description import RobotDescription
 from ...envs.robots.indices import entry
+from ...envs.robots.model_files import PACKAGES
 from ...envs.robots.robot_file import Motor, RobotFile, write_robot_file
+from ...envs.robots.source_model import SourceModel
 from .guess import guess_plan, guess_soles, read_skeleton
 
 BASE = "biped"  # the preset that is scaled
@@ -35,6 +38,7 @@ BENT = 0.875  # length of a standing leg over that of a straight one, the biped'
 LOWERED = 0.24  # of its height the CoM may sink for a long step, the biped's
 FINE = 0.005  # of a height and of a step that are searched [m]
 FARTHEST = 1.0  # step that is looked for [m]
+DIGITS = 13  # that are told of a number
 PUSH = 0.1  # of F* [s]
 DIRECTIONS = 8
 PROVISIONAL = 1.0  # CoM height before it is known [m]
@@ -134,20 +138,28 @@ def scaled_settings(
 
 
 def standing_height(description: RobotDescription) -> float:
-    """CoM height over level soles at which the legs are bent as the biped's are [m]."""
+    """CoM height over level soles at which the legs are bent as the biped's are [m].
+
+    Where the ranges of its joints end before, it is half-way between the heights at which it stands.
+    """
     body = compiled_robot(description)
     data, posed = body.in_reference_posture(), mujoco.MjData(body.model)
-    leg = leg_length(body)
+    leg, stood = leg_length(body), list[float]()
     mujoco.mj_comPos(body.model, data)
     straight = data.subtree_com[0, 2] - data.site_xpos[body.indices.soles[0], 2]
     for height in np.arange(straight, 0.6 * straight, -FINE):
         coordinates = _stands(body, height, (0.0, body.robot.pelvis_width))
+        if coordinates is None and stood:
+            break
         if coordinates is None:
             continue
+        stood.append(float(height))
         posed.qpos[:] = coordinates
         mujoco.mj_kinematics(body.model, posed)
         if leg_length(body, posed) / leg <= BENT:
             return round(float(height), 3)
+    if stood:
+        return round(0.5 * (stood[0] + stood[-1]), 3)
     raise InvalidValueError(
         f"robot {description.name!r} does not stand with its CoM over its soles, {0.6 * straight:.2f} to "
         f"{straight:.2f} m high, within the ranges of its joints"
@@ -223,11 +235,12 @@ def new_robot(model: str, name: str) -> NewRobot:
     Raises:
         InvalidValueError: no two legs, no feet, or no posture to stand in; joints without a largest torque.
     """
-    model = model if model.partition("/")[0] in PACKAGES else str(Path(model).resolve())
-    plan, fixed = guess_plan(read_skeleton(model))
+    model = model if model.partition("/")[0] in PACKAGES else str(Path(model).absolute())
+    skeleton = read_skeleton(model)
+    plan, fixed = guess_plan(skeleton)
     soles = guess_soles(model, (plan.legs[0][-1], plan.legs[1][-1]))
     file = RobotFile(
-        name, model, plan, soles, _motors(model, [joint for joint, _ in fixed]), fixed,
+        name, model, plan, soles, _motors(skeleton.source, [joint for joint, _ in fixed]), fixed,
         PROVISIONAL, "biped", "guessed by push-recovery robot new; no motor has a speed without load",
     )  # fmt: skip
     height = standing_height(description_of(file))
@@ -240,22 +253,26 @@ def new_robot(model: str, name: str) -> NewRobot:
     }
     preset = scaled_settings(body, {"limits": box})
     return NewRobot(
-        file, replace(preset, found={"by": "push-recovery robot new", "robot": asdict(body.robot)}), body
+        file, replace(preset, found={"by": "push-recovery robot new", "robot": told(body.robot)}), body
     )
 
 
-def _motors(model: str, fixed: list[str]) -> tuple[tuple[str, Motor], ...]:
+def _motors(source: SourceModel, fixed: list[str]) -> tuple[tuple[str, Motor], ...]:
     """Largest torques of all joints but the fixed ones."""
-    spec = read_model(model)
-    torques = largest_torques(spec)
-    joints = [joint.name for joint in spec.joints if joint.name not in fixed]
-    free = {joint.name for joint in spec.joints if joint.type.name == "mjJNT_FREE"}
-    if unknown := [name for name in joints if name not in torques and name not in free]:
+    torques = source.torques
+    joints = [name for name in map(source.name, source.joints) if name not in fixed]
+    if unknown := [name for name in joints if name not in torques]:
         raise InvalidValueError(
-            f"the model {model!r} does not tell the largest torque of {', '.join(unknown)}: give its joints "
-            "an actuatorfrcrange, or its actuators a forcerange"
+            f"the model {source.place!r} does not tell the largest torque of {', '.join(unknown)}: give its "
+            "joints an actuatorfrcrange, or its actuators a forcerange"
         )
-    return tuple((name, Motor(torque=torques[name])) for name in joints if name not in free)
+    return tuple((name, Motor(torque=torques[name])) for name in joints)
+
+
+def told(robot: RobotModel) -> dict[str, Any]:
+    """The constants of a robot without the rounding of the words that its model was said in."""
+    return {name: float(f"{one:.{DIGITS}g}") if isinstance(one, float) else one
+            for name, one in asdict(robot).items()}  # fmt: skip
 
 
 def save(robot: NewRobot, out: Path) -> tuple[Path, Path]:
@@ -273,5 +290,5 @@ def summary(robot: NewRobot) -> dict[str, Any]:
         "name": robot.file.name, "pelvis": plan.pelvis, "trunk": plan.trunk, "left_leg": plan.legs[0],
         "right_leg": plan.legs[1], "waist": plan.waist, "held": dict(plan.held),
         "fixed": dict(robot.file.fixed), "soles": [asdict(sole) for sole in robot.file.soles],
-        "robot": asdict(model), "limits": robot.preset.robot()["limits"], "limit_N": robot.limits,
+        "robot": told(model), "limits": robot.preset.robot()["limits"], "limit_N": robot.limits,
     }  # fmt: skip

@@ -6,7 +6,7 @@ import re
 import sys
 from contextlib import closing
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,11 +18,12 @@ from ...controllers.model.robot import SAME, Similarity
 from ...controllers.policies.learned import read_policy
 from ...controllers.settings import ARMS, is_preset_file, load_preset
 from ...envs.joint.full_body import driven, joint_names
-from ...envs.robots.compiled_robot import compiled_robot
+from ...envs.robots.compiled_robot import compiled_robot, robot_digest
+from ...envs.robots.description import robot_description
 from ...envs.scenario.scenario import EXACT, Profile, Scenario, get_profile
 from . import DEFAULT_ENV, NAMESPACE
 from .contract import contract_name, read_contract
-from .load_policy import import_from_here, is_policy_file
+from .load_policy import import_from_here, is_policy_file, source_of
 
 ROBOT_FILE = ".robot.json"
 FULL_BODY = "FullBody"  # in the id of the form whose actions drive all joints
@@ -52,7 +53,12 @@ class EnvName:
             UnknownNameError: an id that is not this project's, and no module is named that registers it.
             InvalidValueError: the module's name is impossible, or no preset follows the @.
         """
-        name, at, preset = str(text).removeprefix("push_recovery:").partition("@")
+        plain = str(text).removeprefix("push_recovery:")
+        file, of_file, after = plain.partition(f"{ROBOT_FILE}@")  # folders of a robot file may have an @ too
+        if of_file or plain.endswith(ROBOT_FILE):
+            name, at, preset = (f"{file}{ROBOT_FILE}", "@", after) if of_file else (plain, "", "")
+        else:
+            name, at, preset = plain.partition("@")
         module, colon, env_id = name.rpartition(":")
         if at and not preset:
             raise InvalidValueError(f"environment {text!r:.200} names no preset after its @")
@@ -172,21 +178,35 @@ def make_env_for(policy: Any, env_id: str, **kwargs: Any) -> gym.Env:
 
 
 def preset_digest(env_id: str) -> dict[str, str]:
-    """SHA-256 of the files that a name of an environment names, for a configuration; nothing without one."""
-    name = EnvName.parse(env_id)
-    files = {"preset_sha256": name.preset if is_preset_file(name.preset) else "", "robot_sha256": name.robot}
-    return {key: hashlib.sha256(read_file(path)).hexdigest() for key, path in files.items() if path}
+    """SHA-256 of all that a name of an environment stands for besides this package's code.
+
+    That is of its preset file, its robot (robot file, model and what that includes, preset file; or the
+    compiled model of one made in Python) and the module that registers it; nothing of what it has not.
+    """
+    name, found = EnvName.parse(env_id), {}
+    if is_preset_file(name.preset):
+        found["preset_sha256"] = hashlib.sha256(read_file(name.preset)).hexdigest()
+    if name.module:
+        found["module_sha256"] = hashlib.sha256(source_of(import_from_here(name.module))).hexdigest()
+    if robot := name.robot or gym.spec(name.full_id).kwargs.get("robot"):
+        found["robot_sha256"] = robot_digest(robot_description(robot))
+    return found
 
 
-@cache
 def robot_of(env_id: str) -> tuple[str, Similarity]:
     """Name of an environment's robot, and its size against the one that suites are written for."""
     name = EnvName.parse(env_id)
     if not (name.module or name.robot) and name.label.startswith(OF_REFERENCE):
         return "biped", SAME
+    return _robot_of(env_id, *preset_digest(env_id).items())
+
+
+@lru_cache(maxsize=64)
+def _robot_of(env_id: str, *content: tuple[str, str]) -> tuple[str, Similarity]:
+    """`robot_of` of files with a content."""
     with closing(make_env(env_id)) as env:
         description = getattr(getattr(env.unwrapped, "episodes", None), "description", None)
-        return getattr(description, "name", name.label), size_of(env)
+        return getattr(description, "name", EnvName.parse(env_id).label), size_of(env)
 
 
 def size_of(env: Any) -> Similarity:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, closing
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Self
 
@@ -16,7 +16,7 @@ from ...envs.episode.episodes import GaitEpisodes
 from ...envs.pendulum.env import PendulumEpisodes
 from ...envs.scenario.scenario import Scenario
 from ..output.processes import Pool, RayWorkers
-from ..rollout.environments import EnvName, env_ids, make_env
+from ..rollout.environments import EnvName, env_ids, make_env, preset_digest
 from ..rollout.episodes import rollout_batch
 from ..rollout.outcome import Outcome
 from ..rollout.workers import SLOTS, open_pool
@@ -46,9 +46,14 @@ def check_env(env_id: str) -> str:
     return env_id.removeprefix("push_recovery:")
 
 
-@cache
 def own_episodes(env_id: str) -> GaitEpisodes:
     """Episodes of one robot of an environment, with its own preset."""
+    return _own_episodes(env_id, *preset_digest(env_id).items())
+
+
+@lru_cache(maxsize=16)
+def _own_episodes(env_id: str, *content: tuple[str, str]) -> GaitEpisodes:
+    """`own_episodes` of files with a content."""
     with closing(make_env(env_id)) as env:
         inner: Any = env.unwrapped
         return inner.episodes

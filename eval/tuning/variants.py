@@ -9,7 +9,7 @@ from ...controllers.errors import InvalidValueError
 from ...controllers.settings import PresetFile, load_preset
 from ..output.rows import Writer, default_directory
 from ..output.tables import Table
-from ..rollout.environments import code_digest
+from ..rollout.environments import code_digest, preset_digest
 from .study import OnTrial, Study, TuningSettings, space_of, tune, whose
 
 
@@ -31,7 +31,8 @@ def place_of(settings: TuningSettings, policies: Sequence[str]) -> Path:
     """The directory of such studies under runs/, where none is named."""
     start = {**load_preset(settings.preset).to_dict(), "found": {}}
     tuned = {**settings.to_dict(), "policy": list(policies)}
-    return default_directory("tune", {"tune": tuned, "start": start, "code": code_digest()})
+    content = {"tune": tuned, "start": start, "code": code_digest(), **preset_digest(settings.env_id)}
+    return default_directory("tune", content)
 
 
 def tune_variants(

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.envs.biped.model_errors import altered_model
-from push_recovery.envs.robots.adapt import PACKAGES, description_of
+from push_recovery.envs.robots.adapt import description_of
 from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.robots.compiled_robot import CompiledRobot, compiled_robot
 from push_recovery.envs.robots.description import robot_description
+from push_recovery.envs.robots.model_files import PACKAGES
 from push_recovery.envs.robots.robot_file import Sole
 from push_recovery.envs.scenario.model_errors import ModelErrors
 

@@ -10,9 +10,9 @@ from gymnasium.utils.env_checker import check_env
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.kinematics import KNEE, sole_position
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.robots.adapt import PACKAGES
 from push_recovery.envs.robots.compiled_robot import compiled_robot
 from push_recovery.envs.robots.description import robot_description
+from push_recovery.envs.robots.model_files import PACKAGES
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 

@@ -1,18 +1,25 @@
 """Robot files: written and read again, refused with the key or the value that is wrong."""
 
 import json
+import re
+import shutil
+from dataclasses import replace
 
+import mujoco
+import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
-from push_recovery.envs.robots import adapt as model_place
+from push_recovery.envs.robots import model_files as model_place
 from push_recovery.envs.robots.adapt import load_robot
+from push_recovery.envs.robots.compiled_robot import compiled_robot
 from push_recovery.envs.robots.description import robot_description
 from push_recovery.envs.robots.robot_file import read_robot_file, write_robot_file
 
 
 @pytest.fixture
 def written(robot_file, tmp_path):
-    robot = robot_file(fixed=(("waist_roll", 0.1),), about="a test")
+    plan = replace(robot_file().plan, waist=("waist_pitch", None))
+    robot = robot_file(plan=plan, fixed=(("waist_roll", 0.1),), about="a test")
     write_robot_file(tmp_path / "theirs.json", robot, "biped")
     return tmp_path / "theirs.json", robot
 
@@ -40,6 +47,133 @@ def test_an_environment_takes_the_path_of_a_file(written):
     assert (description.name, description.com_height, description.preset) == ("theirs", 0.8, "biped")
 
 
+def test_folders_that_move_together_stay_together(robot_file, tmp_path):
+    """A robot file names its model from where it lies, and from where it was written if that is gone."""
+    robot = robot_file()  # its model in tmp_path
+    place = tmp_path / "here" / "robots"
+    write_robot_file(place / "mine.robot.json", robot, "biped")
+    shutil.move(tmp_path / "theirs.xml", tmp_path / "here" / "theirs.xml")
+    moved = replace(robot, model=str(tmp_path / "here" / "theirs.xml"))
+    write_robot_file(place / "mine.robot.json", moved, "biped")
+    shutil.copytree(tmp_path / "here", tmp_path / "copy")
+    (tmp_path / "here").rename(tmp_path / "there")
+    for folder in ("there", "copy"):
+        found = read_robot_file(tmp_path / folder / "robots" / "mine.robot.json")
+        assert found.model == str(tmp_path / folder / "theirs.xml")
+    (tmp_path / "there").rename(tmp_path / "here")
+    alone = shutil.copy(place / "mine.robot.json", tmp_path / "alone.robot.json")
+    assert read_robot_file(alone).model == str(tmp_path / "here" / "theirs.xml")
+
+
+def test_links_are_not_replaced_by_what_they_lead_to(written, tmp_path, monkeypatch):
+    """A store keeps contents under names of its own; what a model includes lies beside the links."""
+    path, _ = written
+    store, view = tmp_path / "store", tmp_path / "view"
+    store.mkdir(), view.mkdir()
+    text = (tmp_path / "theirs.xml").read_text()
+    body, end = text[text.index("<worldbody>") : text.index("</worldbody>")] + "</worldbody>", "</mujoco>"
+    whole = text.replace(body, '<include file="robot/body.xml"/>')
+    for name, content in (("a1", whole), ("b2", f"<mujoco>{body}{end}"), ("c3", path.read_text())):
+        (store / name).write_text(content.replace(str(tmp_path), "."))
+    (view / "robot").mkdir()
+    for link, name in (("theirs.xml", "a1"), ("robot/body.xml", "b2"), ("mine.robot.json", "c3")):
+        (view / link).symlink_to(store / name)
+    monkeypatch.chdir(view)
+    found = read_robot_file("mine.robot.json")
+    assert found.model == str(view / "theirs.xml")
+    np.testing.assert_array_equal(
+        compiled_robot(load_robot("mine.robot.json")).model.body_mass,
+        compiled_robot(load_robot(path)).model.body_mass,
+    )
+
+
+PLAIN = '<mujoco><include file="part.xml"/></mujoco>'
+MESH = '<asset><mesh name="sole" file="sole.obj"/></asset>'
+PART = (
+    f'<mujoco><compiler meshdir="meshes"/>{MESH}<worldbody><body name="a"><freejoint/><geom type="mesh" '
+    'mesh="sole"/><body name="b"><joint name="j"/><geom size=".1"/></body></body></worldbody></mujoco>'
+)
+CORNERS = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.fixture
+def pieces(tmp_path):
+    """A model of three files: itself, what it includes and a mesh."""
+    (tmp_path / "meshes").mkdir()
+    parts = {"whole.xml": PLAIN, "part.xml": PART, "meshes/sole.obj": CORNERS}
+    for name, content in parts.items():
+        (tmp_path / name).write_text(content)
+    return parts
+
+
+@pytest.mark.parametrize("changed", ["whole.xml", "part.xml", "meshes/sole.obj"])
+def test_a_change_of_any_file_of_a_model_is_noticed(pieces, tmp_path, changed):
+    model = str(tmp_path / "whole.xml")
+    before = model_place.model_digest(model)
+    assert model_place.model_digest(model) == before
+    mujoco.MjModel.from_xml_path(model)  # it is one
+    content = pieces[changed]
+    (tmp_path / changed).write_text(content.replace("1", "2", 1) if "obj" in changed else f"{content} ")
+    after = model_place.model_digest(model)
+    assert after != before
+    (tmp_path / "unnamed.xml").write_text(content)
+    assert model_place.model_digest(model) == after
+    (tmp_path / changed).write_text(content)
+    assert model_place.model_digest(model) == before
+
+
+def test_a_large_file_is_read_again_when_it_changes(tmp_path, monkeypatch):
+    path, reads = tmp_path / "large.stl", []
+    read = model_place.read_file
+    monkeypatch.setattr(model_place, "read_file", lambda file: reads.append(file) or read(file))
+    content = bytes(model_place.SMALL)
+    path.write_bytes(content)
+    first = [model_place.file_digest(path) for _ in range(3)]
+    path.write_bytes(content[:-1] + b"1")
+    assert len(set(first)) == 1
+    assert model_place.file_digest(path) != first[0]
+    assert len(reads) == 2
+
+
+@pytest.mark.parametrize("changed", ["model", "robot file"])
+def test_an_edited_robot_is_another_one_in_the_same_process(written, tmp_path, changed):
+    path, _ = written
+    old = load_robot(str(path))
+    assert load_robot(path) is old
+    before = compiled_robot(old).model.body_mass.copy()
+    if changed == "model":
+        model = tmp_path / "theirs.xml"
+        model.write_text(re.sub(' mass="[0-9.]+"', ' mass="77"', model.read_text(), count=1))
+    else:
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"com_height": 0.81}))
+    new = load_robot(str(path))
+    assert new is not old
+    assert new.files != old.files
+    if changed == "model":
+        assert compiled_robot(new).model.body_mass.sum() > before.sum() + 0.9
+        with pytest.raises(InvalidValueError, match=r"has changed since robot 'theirs' was read: read it"):
+            old.looks()  # not made yet when the model changed
+    else:
+        assert compiled_robot(new).robot.com_height == 0.81
+
+
+def test_one_name_in_two_folders_is_two_robots(written, tmp_path, monkeypatch):
+    path, _ = written
+    for folder, height in (("one", 0.8), ("two", 0.7)):
+        (tmp_path / folder).mkdir()
+        shutil.copy(tmp_path / "theirs.xml", tmp_path / folder)
+        content = json.loads(path.read_text()) | {"com_height": height}
+        (tmp_path / folder / "mine.robot.json").write_text(json.dumps(content))
+    found = []
+    for folder in ("one", "two"):
+        monkeypatch.chdir(tmp_path / folder)
+        found.append(robot_description("mine.robot.json"))
+    assert [robot.com_height for robot in found] == [0.8, 0.7]
+    assert [one.spec.robot.model for one in found] == [
+        str(tmp_path / n / "theirs.xml") for n in ("one", "two")
+    ]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -48,6 +182,17 @@ def test_an_environment_takes_the_path_of_a_file(written):
         ({"soles": [{"centre": [0, 0, 0]}]}, r"is not complete or has a value of another kind"),
         ({"legs": [["a"], ["b"]]}, r"the left leg of a BodyPlan has 6 joints"),
         ({"com_height": "high"}, r"is not complete or has a value of another kind"),
+        ({"com_height": float("nan")}, r"a number above 0 is needed, got nan|is not JSON"),
+        ({"soles": [{"centre": [0, 0, 0], "size": [0.2, 0]}] * 2}, r"a number above 0 is needed, got 0"),
+        (
+            {"soles": [{"centre": [0, 0], "size": [0.2, 0.1]}] * 2},
+            r"3 finite numbers are needed, got \[0",
+        ),
+        ({"soles": [{"centre": [0, 0, 0], "size": [1, 1], "turn": [0] * 4}] * 2}, r"must not be 0"),
+        ({"pelvis": ["pelvis"]}, r"a name must be text, got \['pelvis'\]"),
+        ({"held": {"waist_yaw": "0"}}, r"1 finite numbers are needed, got \['0'\]"),
+        ({"motors": {"*": {"torque": -1}}}, r"a number above 0 is needed, got -1"),
+        ({"motors": {"*": {"force": 1}}}, r"unexpected keyword argument 'force'"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_named(written, change, message):

@@ -1,8 +1,10 @@
 """A robot out of a model: what its legs and motors let its steps be, and files that an environment takes."""
 
 import json
+import math
 from dataclasses import replace
 
+import gymnasium as gym
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.capturability import max_recoverable_force
@@ -10,12 +12,20 @@ from push_recovery.controllers.settings import load_preset, named_preset
 from push_recovery.envs.biped.core import biped_settings
 from push_recovery.envs.robots.adapt import load_robot
 from push_recovery.envs.robots.biped import BIPED, ROBOT, biped, spec
-from push_recovery.envs.robots.compiled_robot import CompiledRobot, compiled_robot
-from push_recovery.envs.robots.description import RobotDescription, robot_description
+from push_recovery.envs.robots.compiled_robot import CompiledRobot, compiled_robot, robot_digest
+from push_recovery.envs.robots.description import RobotDescription, register_robot, robot_description
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.robot_tools import new_robot as tools
-from push_recovery.eval.robot_tools.new_robot import new_robot, reachable_steps, scale_of, scaled_settings
+from push_recovery.eval.robot_tools.new_robot import (
+    new_robot,
+    reachable_steps,
+    save,
+    scale_of,
+    scaled_settings,
+)
 from push_recovery.eval.rollout.environments import EnvName, make_env, preset_digest
+
+from ...envs.robots.wordings import Wording
 
 ROLL, PITCH = 1, 2  # of the biped's hip, which turns first
 LEG = "left_thigh", "left_shank", "left_foot"
@@ -150,3 +160,84 @@ def test_joints_without_a_torque_are_told(tmp_path):
     message = r"does not tell the largest torque of waist_pitch, waist_roll, left"
     with pytest.raises(InvalidValueError, match=message):
         new_robot(str(path), "weak")
+
+
+@pytest.fixture
+def worded(tmp_path):
+    def write(name, **words):
+        path = tmp_path / name / "worded.xml"
+        path.parent.mkdir()
+        path.write_text(Wording(words.pop("seed", None)).text(**words), encoding="utf-8")
+        return path
+
+    return write
+
+
+def test_one_model_in_other_words_makes_the_same_files(worded, tmp_path):
+    written = []
+    for seed in (None, 1, 2):
+        path = worded(f"words {seed}", seed=seed)
+        found = save(new_robot(str(path), "same"), path.parent)
+        about = json.loads(found[0].read_text())
+        assert about.pop("written_in") == str(path.parent)
+        written.append((about, found[1].read_text()))
+    assert written[0] == written[1] == written[2]
+    assert written[0][0]["model"] == "worded.xml"
+
+
+def test_the_range_of_an_ankle_ends_the_bend_of_its_legs(worded):
+    """Legs as bent as the biped's need 0.505 rad at the ankle where thigh and shank are equal: its cosine."""
+    path = worded("stiff")
+    plain = new_robot(str(path), "plain").file.com_height
+    path.write_text(path.read_text().replace('range="-0.8 0.8"', 'range="-0.3 0.3"'))
+    stiff = new_robot(str(path), "stiff").file.com_height
+    straight = plain + 0.7 * (1.0 - 0.875)
+    assert straight - 0.7 * (1.0 - math.cos(0.3)) < stiff < straight
+
+
+def test_rows_rest_on_all_files_of_a_robot(worded, tmp_path):
+    """Robot file, model and preset; of a registered id too; not on where they lie."""
+    path = worded("rows")
+    robot, preset = save(new_robot(str(path), "rows"), path.parent)
+    digests = [preset_digest(str(robot))]
+    moved = tmp_path / "mov@ed [1]"
+    path.parent.rename(moved)
+    robot, preset, path = (moved / one.name for one in (robot, preset, path))
+    assert preset_digest(str(robot)) == digests[0]
+    ids = register_robot("Rows", str(robot))
+    try:
+        assert preset_digest(ids[0]) == digests[0]
+        for file, old, new in (
+            (path, 'mass="20"', 'mass="21"'), (preset, '"made_for"', '"made_for"'),
+            (robot, '"fixed": {}', '"fixed":{}'), (robot, '"about": "', '"about": "My '),
+            (preset, '"by": "', '"by": "my '),
+        ):  # fmt: skip
+            file.write_text(file.read_text().replace(old, new))
+            digests.append(preset_digest(ids[0]))
+    finally:
+        for env_id in ids:
+            gym.registry.pop(env_id)
+    values = [one["robot_sha256"] for one in digests]
+    assert values[1] != values[0]
+    assert values[2] == values[3] == values[1]  # the same content, said the same or in other words
+    assert len({values[3], values[4], values[5]}) == 3
+
+
+def test_a_robot_made_in_python_is_known_by_its_compiled_model():
+    heavy = weaker(0.5).description
+    digests = [robot_digest(one) for one in (ROBOT, heavy, replace(ROBOT, com_height=0.79))]
+    assert len(set(digests)) == 3
+    assert robot_digest(replace(ROBOT)) == digests[0]
+
+
+@pytest.mark.parametrize("words", [
+    {"scene": '<body name="ball" pos="2 0 1"><freejoint/><geom size=".1"/></body>'},
+    {"root": '<joint name="rootx" type="slide"/><joint name="rooty" axis="0 1 0"/>'},
+    {"after": '<equality><weld name="crane" body1="trunk"/></equality>'},
+    {"after": "<broken"},
+])  # fmt: skip
+def test_what_cannot_be_a_robot_is_one_line_and_bad_input(worded, capsys, words):
+    assert main(["robot", "new", str(worded("bad", **words))]) == 2
+    told = capsys.readouterr()
+    assert told.err.count("\n") == 1
+    assert told.out == ""

@@ -7,7 +7,7 @@ import gymnasium as gym
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.settings import PresetFile, load_preset
-from push_recovery.envs.robots.adapt import PACKAGES
+from push_recovery.envs.robots.model_files import PACKAGES
 from push_recovery.eval.protocols.run import biped_of
 from push_recovery.eval.rollout.environments import robot_of
 from push_recovery.eval.tuning.pushes import punched_suite, tuning_suite

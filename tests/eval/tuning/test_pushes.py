@@ -10,10 +10,10 @@ import pytest
 from push_recovery.controllers.errors import UnknownNameError
 from push_recovery.controllers.model.capturability import max_recoverable_force
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.envs.robots.adapt import PACKAGES
 from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.robots.compiled_robot import compiled_robot
 from push_recovery.envs.robots.description import robot_description
+from push_recovery.envs.robots.model_files import PACKAGES
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL, PLAIN_PHYSICS, ModelErrors, PhysicsOptions
 from push_recovery.envs.scenario.scenario import HARDWARE
 from push_recovery.eval.protocols.tour import tour_scenario
