@@ -50,6 +50,7 @@ Floats2 = Annotated[NDArray[np.float64], Kind(_FLOAT, 2)]
 Floats3 = Annotated[NDArray[np.float64], Kind(_FLOAT, 3)]
 Ints1 = Annotated[NDArray[np.int64], Kind(_INT, 1)]
 Ints2 = Annotated[NDArray[np.int64], Kind(_INT, 2)]
+Ints3 = Annotated[NDArray[np.int64], Kind(_INT, 3)]
 
 # What an array may be other than one row a robot of its state
 COMMON = "common to all robots"
@@ -117,6 +118,20 @@ def _float_pointer(typingctx, address):
 def floats_at(address, count):
     """View (count,) float64 of what lies at an address."""
     return carray(_float_pointer(address), (count,))
+
+
+@intrinsic
+def _int_pointer(typingctx, address):
+    def codegen(context, builder, signature, args):
+        return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+
+    return types.CPointer(types.int64)(types.int64), codegen
+
+
+@njit(cache=True)
+def ints_at(address, count):
+    """View (count,) int64 of what lies at an address."""
+    return carray(_int_pointer(address), (count,))
 
 
 @intrinsic(prefer_literal=True)

@@ -222,7 +222,7 @@ class Forecast:
             if start < now.time and last < start + duration:  # it has been felt
                 core.pushes.duration[:, i] = (1.0 + outlast) * (now.time - start)
             else:
-                core.pushes.force[:, i] = 0.0
+                core.pushes.force[:, i], core.pushes.law[:, i] = 0.0, 0
 
     def after(self, now: RobotSnapshot, action: Actions) -> Array:
         """State of a robot a planning period later if nothing pushes it, see `state_of`."""

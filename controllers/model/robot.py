@@ -155,6 +155,16 @@ class Similarity:
         return self.torque * self.time
 
     @property
+    def stiffness(self) -> float:
+        """Ratio of a number in N/m."""
+        return self.mass / self.length
+
+    @property
+    def viscosity(self) -> float:
+        """Ratio of a number in N s/m."""
+        return self.mass / self.time
+
+    @property
     def inertia(self) -> float:
         """Ratio of a number in kg m^2."""
         return self.mass * self.length**2

@@ -50,6 +50,7 @@ from ..scenario.scenario import Scenario
 from ..sensing import Senses, Sensing, begin_onboard, exact_sensing, onboard_sensing
 from ..simulation import Simulations, compute_nominal
 from .floor import KnownFloor, assign_floor, lay_floor, level_floors, pattern_of
+from .laws import assign_laws, moves, own_floor
 from .limits_record import LimitsReport, clear_record, empty_record, plan_limits, report_limits
 from .model_errors import assign_errors, check_biped_errors, no_errors
 from .period import GAIT, Actuation, Arena, Exchange, Tables, arena_constants, period_calls, substeps
@@ -193,6 +194,7 @@ class BipedCore:
         self.errors = no_errors(n)
         self.schedule = empty_schedule(n)
         self.kicks = Kicks(n)
+        self._of_laws: list[Any] = [()] * n  # arrays that `pushes.places` has the addresses of
         self.known = empty_self_model(n)
         self.floors = level_floors(n)
         self._known_floors: dict[int, KnownFloor] = {}  # by robot that knows its own
@@ -292,7 +294,8 @@ class BipedCore:
         check_biped_errors(scenario.errors)
         for push in scenario.forces:
             require_choice("push body", push.body, tuple(self.body.pushed))
-        self.simulations.use_model(k, assign_errors(self.errors, k, scenario, self.body))
+        model = assign_errors(self.errors, k, scenario, self.body)
+        self.simulations.use_model(k, own_floor(scenario, model, self.simulations.model))
         model, data = self.simulations.models[k], self.simulations.data[k]
         assign_floor(self.floors, k, scenario, self.body.plan.sole_boxes, model, data)
         self._known_floors.pop(k, None)
@@ -306,6 +309,10 @@ class BipedCore:
             self._bind()
         if self.body.indices.trunk == self.body.indices.pelvis:
             self.pushes.body[k, self.pushes.body[k] == NUMBERS["trunk"]] = NUMBERS["pelvis"]
+        gravity = self.senses.last.sensors.gravity[k] if self.senses.of(k) else None
+        self._of_laws[k] = assign_laws(self.pushes, k, scenario, self.body, model, data, gravity)
+        if moves(scenario):
+            self.errors.physical[k] = self.errors.believes[k] = 1
         self.kicks.assign(k, scenario.jumps)
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:

@@ -25,15 +25,18 @@ from ..episode.vector_env import vector_maker
 from ..robots.compiled_robot import compiled_robot
 from ..robots.description import RobotDescription, check_preset, robot_description
 from ..scenario.distribution import PushDistribution
+from ..scenario.push import GRIPPED
 from ..scenario.scenario import Scenario, get_profile
 from ..snapshot import Arrays, RobotSnapshot, arrays_of, digest_of, model_digest
 from .core import BIPED, BIPED_LIMITS, BipedCore, biped_settings
 from .floor import tile_places
+from .laws import floor_state, put_floor_state
 
 __all__ = ["BIPED", "BIPED_LIMITS", "BipedConfig", "BipedEnv", "BipedEpisodes", "make_biped_vector"]
 
 # Rows of a snapshot that are in no array
 SIMULATION, TILES, KICKED = "simulation.state", "simulation.tiles", "kicks.done"
+FLOOR = "simulation.floor"
 
 
 @cache
@@ -59,7 +62,7 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
     """Episodes of n robots of a config; `config` with all that its defaults stand for."""
 
     failures, name = FAILURES, "PushRecovery/Biped-v0"
-    takes_kicks = walks = stands = has_double_support = True
+    takes_kicks = takes_laws = walks = stands = has_double_support = True
     core_of: ClassVar[type[BipedCore]] = BipedCore
     config_of = BipedConfig  # whose fields the constructor takes, too
 
@@ -108,12 +111,15 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
 
     def _beside_arrays(self, k: int) -> Arrays:
         simulations = self.core.simulations
-        tiles = tile_places(simulations.models[k]).copy()
-        return {SIMULATION: simulations.state(k), TILES: tiles, KICKED: np.array(self.core.kicks.done[k])}
+        tiles, floor = tile_places(simulations.models[k]).copy(), floor_state(simulations.models[k])
+        kicked = np.array(self.core.kicks.done[k])
+        return {SIMULATION: simulations.state(k), TILES: tiles, FLOOR: floor, KICKED: kicked}
 
     def _put_beside_arrays(self, k: int, snapshot: RobotSnapshot) -> None:
         simulations = self.core.simulations
         tile_places(simulations.models[k])[:] = snapshot.rows[TILES]
+        if (self.core.pushes.law[k] >= GRIPPED).any():
+            put_floor_state(simulations.models[k], snapshot.rows[FLOOR])
         self.core.put_back(k, snapshot.rows[SIMULATION])
         self.core.kicks.pass_over(k, snapshot.rows[KICKED].item())
 
@@ -129,6 +135,12 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
             "sensing": self.config.sensing or scenario.sensing,
             "version": _version(),
         }
+
+    def more_info(self) -> dict[str, tuple[NDArray[Any], NDArray[np.bool_]]]:
+        """What any robot has, and the impulse so far of those whose pushes follow laws, (n, 3) [N s]."""
+        felt = self.core.pushes.law.any(axis=1)
+        found = {"delivered": (self.core.pushes.delivered.sum(axis=1), felt)} if felt.any() else {}
+        return super().more_info() | found
 
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""

@@ -51,11 +51,13 @@ from ..scenario.arrays import (
     turn_forces,
 )
 from ..scenario.model_errors import CONTROL_STEP
+from ..scenario.push import COUPLED, GRIPPED, RAMPED
 from ..sensing import SensedObservation, Sensors, read_inertial, read_joints_and_feet
 from ..simulation import Handles, advance, compute_nominal, show_unmeasured
 from . import model_errors
 from .actuators import brake_joints
 from .floor import Floor, place_tiles
+from .laws import couple, mean_of_ramp, move_floor
 from .limits_record import LimitsRecord, note_limits, plan_limits_met
 from .model_errors import RobotErrors
 
@@ -330,7 +332,10 @@ def place_of(number: int) -> int:
 
 @njit(cache=True, forceinline=True)
 def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -> None:
-    """Write the mean push over the coming physics step into the external forces of one robot."""
+    """Write the mean push over the coming physics step into the external forces of one robot.
+
+    A push that follows a law has the force of that, or changes the floor under the robot.
+    """
     now, mean = gait.time[k], carray(stack_floats(3), (3,))
     resolve_starts(
         pushes.start[k], pushes.step[k], pushes.fraction[k], gait.steps[k], now - max(gait.elapsed[k], 0.0),
@@ -339,7 +344,17 @@ def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -
     turn_forces(pushes.force[k], pushes.frame[k], pushes.start[k], gait.heading[k], now + dt)
     phys.xfrc[k] = 0.0
     for i in range(pushes.start.shape[1]):
-        if mean_force(pushes.force[k], pushes.duration[k], pushes.start[k], i, now, now + dt, mean):
+        law = pushes.law[k, i]
+        if law >= GRIPPED:
+            move_floor(pushes, k, i, now, dt, gait.heading[k])
+            continue
+        if law == COUPLED:
+            acts = couple(pushes, k, i, now, dt, mean)
+        elif law == RAMPED:
+            acts = mean_of_ramp(pushes, k, i, now, now + dt, mean)
+        else:
+            acts = mean_force(pushes.force[k], pushes.duration[k], pushes.start[k], i, now, now + dt, mean)
+        if acts:
             body, force = place_of(pushes.body[k, i]), vector_of(mean, 0)
             torque = cross(to_world(phys.xmat, k, body, vector_at(pushes.offset, k, i)), force)
             for a in range(3):

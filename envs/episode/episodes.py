@@ -94,6 +94,7 @@ class GaitEpisodes(ABC, Generic[C]):
     force_grid: ClassVar[float] = 20.0  # on which a frontier is scanned by default [N]
     turns: ClassVar[bool] = True  # whether it follows commands to turn
     takes_kicks: ClassVar[bool] = False  # whether its velocity can jump
+    takes_laws: ClassVar[bool] = False  # whether pushes may follow a law
     stands: ClassVar[bool] = False  # whether it stands on both feet where it is told to
     walks: ClassVar[bool] = False  # whether a planner can walk it, and it can be put back into its walk
     gate: ResidualGate | None = None  # of corrections of a planner within
@@ -238,7 +239,8 @@ class GaitEpisodes(ABC, Generic[C]):
         """Put robot k at the beginning of a nominal step of a scenario.
 
         Raises:
-            InvalidValueError: a command to turn for a robot that does not, or a kick for one that takes none.
+            InvalidValueError: a command to turn for a robot that does not, or a disturbance that it does not
+                take.
         """
         self._assign(k, scenario)
         sign = side_sign(SIDES.index(scenario.stance_side))
@@ -269,6 +271,13 @@ class GaitEpisodes(ABC, Generic[C]):
             raise InvalidValueError(
                 f"{self.name} takes no kicks, only pushes: Scenario.kicks must be empty, got "
                 f"{scenario.jumps[0]} in scenario {scenario.id!r}"
+            )
+        parts = (*scenario.pushes, *scenario.disturbances)
+        lawful = next((part for part in parts if any(push.law for push in part.forces)), None)
+        if lawful and not self.takes_laws:
+            raise InvalidValueError(
+                f"{self.name} takes no {lawful.json_name}, only constant pushes and what is made of them, "
+                f"got {lawful} in scenario {scenario.id!r}"
             )
         commands = scenario.command, *(change.command for change in scenario.changes)
         if not self.stands and any(command.stand for command in commands):

@@ -7,14 +7,14 @@ that what counts from the first disturbance on, as limits that are met do, count
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ...controllers.array_table import Floats2, Floats3, Ints1, Ints2
+from ...controllers.array_table import NO_STATE, Floats2, Floats3, Ints1, Ints2, Ints3
 from ...controllers.jit import njit
 from ...controllers.model.observation import heading_frame, in_world
-from .push import BODIES, FRAMES, PENDING, GaitEvent, Kick, Push
+from .push import BODIES, FRAMES, PENDING, TERMS, GaitEvent, Kick, Push
 from .scenario import Command, Scenario
 
 DUE = 1e-9  # a change or kick this soon after the period begins is due: times are sums of steps [s]
@@ -84,6 +84,7 @@ def follow_all(schedule, now, command, first, end):  # pragma: no cover
 
 MARK = 1e-3  # duration of a jump's row [s]
 NUMBERS = {name: number for number, name in enumerate(BODIES)}
+PROGRESS, PLACES = 20, 3  # numbers of the state of a law, and addresses that it works by
 
 
 class Pushes(NamedTuple):
@@ -98,6 +99,10 @@ class Pushes(NamedTuple):
     offset: Floats3  # (n, P, 3) from the body's CoM, body axes [m]
     frame: Ints2  # (n, P) of the force, index into FRAMES; written
     delivered: Floats3  # (n, P, 3) impulse so far [N s]
+    law: Ints2  # (n, P) number of the law that the force follows, 0: it is constant
+    terms: Floats3  # (n, P, TERMS) numbers of the law
+    progress: Floats3  # (n, P, PROGRESS) its state, written
+    places: Annotated[Ints3, NO_STATE]  # (n, P, PLACES) addresses, see `envs/biped/laws.py`
 
 
 def empty_pushes(n: int, count: int) -> Pushes:
@@ -106,7 +111,8 @@ def empty_pushes(n: int, count: int) -> Pushes:
     return Pushes(
         np.zeros((*shape, 3)), np.zeros(shape), np.full(shape, PENDING), np.full(shape, -1, dtype=np.int64),
         np.zeros(shape), np.zeros(shape, dtype=np.int64), np.zeros((*shape, 3)),
-        np.zeros(shape, dtype=np.int64), np.zeros((*shape, 3)),
+        np.zeros(shape, dtype=np.int64), np.zeros((*shape, 3)), np.zeros(shape, dtype=np.int64),
+        np.zeros((*shape, TERMS)), np.zeros((*shape, PROGRESS)), np.zeros((*shape, PLACES), dtype=np.int64),
     )  # fmt: skip
 
 
@@ -137,6 +143,9 @@ def assign_pushes(pushes: Pushes, k: int, scenario: Scenario, bodies: Mapping[st
         else:
             pushes.start[k, i] = push.start
         pushes.body[k, i], pushes.frame[k, i] = bodies[push.body], FRAMES.index(push.frame)
+        if push.law is not None:
+            terms = push.law.terms
+            pushes.law[k, i], pushes.terms[k, i, : len(terms)] = push.law.number, terms
     return pushes
 
 

@@ -142,6 +142,11 @@ class ModelErrors(JsonRecord):
             raise InvalidValueError(
                 f"ModelErrors.terrain must be a Terrain of a registered kind, got {shown(self.terrain)}"
             )
+        if self.terrain is not None and self.terrain.collides and not self.collisions:
+            raise InvalidValueError(
+                f"ModelErrors.collisions must be true with a terrain that robots collide with, "
+                f"{self.terrain.json_name}, got {self.collisions}"
+            )
 
     @property
     def terrains(self) -> tuple[Terrain, ...]:

@@ -1,7 +1,8 @@
 """Disturbances of a robot: forces on its bodies, jumps of its velocity, and what is made of both.
 
-To the compiled loops every disturbance is a number of constant forces (`Push`) and of jumps (`Kick`). A new
-kind is one class that says which ones it is made of:
+To the compiled loops every disturbance is a number of forces (`Push`) and of jumps (`Kick`). A force is
+constant, or follows a `Law`: it rises slowly, comes from something that meets the body, or stands for a
+change of the floor. A new kind is one class that says which ones it is made of:
 
     @register_disturbance
     @dataclass(frozen=True)
@@ -18,17 +19,20 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import Any, Literal, Self, get_args
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal, NamedTuple, Self, get_args
 
+from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import Similarity
 from ...controllers.validation import (
     require_choice,
     require_integer,
+    require_kind,
     require_number,
     require_vector,
 )
-from .record import JsonRecord, Kinds, object_of
+from .record import JsonRecord, Kinds, Quantities, Quantity, checked, object_of, resized
 
 Vector = tuple[float, float, float]
 Side = Literal["left", "right"]
@@ -38,6 +42,7 @@ Body = Literal[
 PushFrame = Literal["world", "heading"]
 SIDES: tuple[str, ...] = get_args(Side)
 BODIES: tuple[Body, ...] = get_args(Body)
+FEET = "left_foot", "right_foot"
 FRAMES: tuple[str, ...] = get_args(PushFrame)
 LINK = "link:"  # before the name of a held joint whose link is pushed
 
@@ -125,6 +130,231 @@ DISTURBANCES: Kinds[Disturbance] = Kinds("disturbance")
 register_disturbance, read_disturbance = DISTURBANCES.register, DISTURBANCES.read
 
 
+TERMS = 14  # numbers that compiled code reads of a law, at most
+
+
+class Law(JsonRecord, ABC):
+    """How the force of a push comes about where it is not constant; the push says when, where and which way.
+
+    Compiled code (`envs/biped/laws.py`) knows it by its `number`, and reads its `terms`.
+    """
+
+    left_out = None
+    number: ClassVar[int]
+    moves_floor: ClassVar[bool] = False  # whether it changes the floor, in a model of the robot's own
+    quantities: ClassVar[Quantities]
+
+    def __post_init__(self) -> None:
+        self._set(**checked(type(self).__name__, self, self.quantities))
+
+    @property
+    @abstractmethod
+    def terms(self) -> tuple[float, ...]:
+        """At most TERMS numbers."""
+
+    def check(self, push: Push) -> None:
+        """Raise InvalidValueError for a push that cannot follow it."""
+
+    def full_time(self, duration: float) -> float:
+        """Time of the full force that gives the impulse of a push of this duration [s]."""
+        return duration
+
+    def mirrored(self) -> Self:
+        """Reflection in the x-z plane."""
+        return self
+
+    def scaled(self, scale: Similarity) -> Self:
+        """The same law for a robot of another size."""
+        return replace(self, **resized(self, self.quantities, scale))  # type: ignore[type-var]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Its fields and its kind."""
+        return {"kind": self.json_name} | super().to_dict()
+
+
+LAWS: Kinds[Law] = Kinds("law of a push")
+RAMPED, COUPLED, GRIPPED, MOVED = 1, 2, 3, 4  # numbers of laws; 0: a constant force
+
+
+@LAWS.register
+@dataclass(frozen=True)
+class Ramp(Law):
+    """A force that rises linearly over `rise` and falls as long at its end; its impulse is F (d - rise)."""
+
+    json_name, number = "ramp", RAMPED
+    quantities: ClassVar[Quantities] = {"rise": Quantity("s", 1e-3, DURATION_MAX, "time")}
+
+    rise: float  # [s]
+
+    @property
+    def terms(self) -> tuple[float, ...]:
+        """The rise."""
+        return (self.rise,)
+
+    def check(self, push: Push) -> None:
+        """It lasts long enough to rise and to fall."""
+        if push.duration < 2.0 * self.rise - 1e-9:
+            raise InvalidValueError(
+                f"Push.duration [s] must be at least twice the rise of {self.rise:g}, got {push.duration:g}"
+            )
+
+    def full_time(self, duration: float) -> float:
+        """Duration less rise [s]."""
+        return duration - self.rise
+
+
+class CouplingTerms(NamedTuple):
+    """Numbers of a `Coupling` as compiled code reads them; inf where there is no such bound."""
+
+    inverse_mass: float
+    speed: float
+    gap: float
+    stiffness: float
+    damping: float
+    restitution: float
+    drive: float
+    travel: float
+    fastest: float
+    acceleration: float
+    reach: float
+    limit: float
+    height: float
+    bits: float  # AT_TOE, BOUND, STAYS
+
+
+AT_TOE, BOUND, STAYS = 1, 2, 4
+
+
+@LAWS.register
+@dataclass(frozen=True)
+class Coupling(Law):
+    """Something that meets the body along a line and presses on it through a one-sided spring.
+
+    With s its place along the line, q that of the point of attack and d = s - q > 0 the depth of contact,
+
+        F = min(F_max, max(0, min(k d, k (d - (1 - e^2) d_max) / e^2) + c dd/dt)),    m dv/dt = m g' - F,
+
+    a spring that is stiffer when it lets go (Walton and Braun 1986), so that e is the coefficient of
+    restitution whatever both masses are; g' drives the mass. Without a mass the other end moves as a motor
+    moves it: at rest, or over `travel`, accelerated and slowed down evenly, at most at `fastest`. Mass and
+    momentum are exact: what the body gets is what the mass loses, m (v_before - v_after), to rounding.
+
+    The line points along the force of the push through where the point is when that starts. With `reach` it
+    ends at a pulley so far away, towards which the body is then pulled; otherwise it is infinitely long.
+    """
+
+    json_name, number = "coupling", COUPLED
+    quantities: ClassVar[Quantities] = {
+        "mass": Quantity("kg", 0.01, 1000.0, "mass"),
+        "speed": Quantity("m/s", 0.0, 30.0, "velocity"),
+        "gap": Quantity("m", 0.0, 10.0, "length"),
+        "stiffness": Quantity("N/m", 1.0, 1e6, "stiffness"),
+        "damping": Quantity("N s/m", 0.0, 1e4, "viscosity"),
+        "restitution": Quantity("", 0.3, 1.0),
+        "drive": Quantity("m/s^2", 0.0, 100.0),
+        "travel": Quantity("m", 0.0, 10.0, "length"),
+        "fastest": Quantity("m/s", 1e-3, 30.0, "velocity"),
+        "acceleration": Quantity("m/s^2", 1e-3, 1000.0),
+        "reach": Quantity("m", 0.1, 1000.0, "length"),
+        "limit": Quantity("N", 0.0, FORCE_MAX, "mass"),
+        "height": Quantity("m", 0.0, 10.0, "length"),
+    }
+
+    stiffness: float  # k [N/m]
+    mass: float | None = None  # m [kg]; None: the other end is at rest or moved by a motor
+    speed: float = 0.0  # of the mass at the start, towards the body [m/s]
+    gap: float = 0.0  # from the mass to the point of attack at the start, or slack of a cable [m]
+    damping: float = 0.0  # c [N s/m]
+    restitution: float = 1.0  # e
+    drive: float = 0.0  # g', such as gravity on a falling weight [m/s^2]
+    travel: float = 0.0  # of the motor [m]
+    fastest: float | None = None  # of the motor; None: as it gets [m/s]
+    acceleration: float = 10.0  # of the motor, and its deceleration [m/s^2]
+    reach: float | None = None  # from the point of attack to a pulley; None: far away [m]
+    limit: float | None = None  # F_max [N]; None: any
+    height: float | None = None  # what is higher than this passes over it [m]; None: nothing does
+    at_toe: bool = False  # the point of attack counts from the middle of the sole's front edge, of a foot
+    bound: bool = False  # mass and body hold together aside by k and c as well while they touch
+    stays: bool = False  # the mass stays after the push is over, to the end
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("at_toe", "bound", "stays"):
+            require_kind(f"Coupling.{name}", getattr(self, name), bool)
+
+    def check(self, push: Push) -> None:
+        """It has a direction, and a toe where it acts on one."""
+        if not any(push.force):
+            raise InvalidValueError(
+                "Push.force [N] must not be zero, since it gives a coupling its direction"
+            )
+        if self.at_toe:
+            require_choice("body with a toe", push.body, FEET)
+
+    @property
+    def terms(self) -> CouplingTerms:
+        """All its numbers."""
+        open_ends = self.fastest, self.reach, self.limit, self.height
+        fastest, *bounds = (math.inf if value is None else value for value in open_ends)
+        bits = AT_TOE * self.at_toe + BOUND * self.bound + STAYS * self.stays
+        return CouplingTerms(
+            0.0 if self.mass is None else 1.0 / self.mass, self.speed, self.gap, self.stiffness, self.damping,
+            self.restitution, self.drive, self.travel, fastest, self.acceleration, *bounds, float(bits),
+        )  # fmt: skip
+
+
+@LAWS.register
+@dataclass(frozen=True)
+class Grip(Law):
+    """No force: the friction under the sole of the foot that is named falls to `friction` while it lasts."""
+
+    json_name, number, moves_floor = "grip", GRIPPED, True
+    quantities: ClassVar[Quantities] = {"friction": Quantity("", 0.01, 2.0)}
+
+    friction: float  # coefficient; a floor that is more slippery stays as it is
+
+    def check(self, push: Push) -> None:
+        """It is that of a sole."""
+        require_choice("body with a sole", push.body, FEET)
+
+    @property
+    def terms(self) -> tuple[float, ...]:
+        """The friction."""
+        return (self.friction,)
+
+
+@LAWS.register
+@dataclass(frozen=True)
+class FloorShift(Law):
+    """No force on a body: the floor goes a way, and stays where it is then.
+
+    All is told in the axes of the floor, so that gravity is g - a(t) for every body: exact for a floor that
+    does not turn.
+    """
+
+    json_name, number, moves_floor = "floor shift", MOVED, True
+    quantities: ClassVar[Quantities] = {
+        "direction": Quantity("rad", -math.inf, math.inf),
+        "travel": Quantity("m", 0.0, 10.0, "length"),
+        "fastest": Quantity("m/s", 1e-3, 10.0, "velocity"),
+        "acceleration": Quantity("m/s^2", 1e-3, 100.0),
+    }
+
+    direction: float  # of the floor's way, from the robot's forward at its start, counter-clockwise [rad]
+    travel: float  # [m]
+    fastest: float  # [m/s]
+    acceleration: float  # and deceleration [m/s^2]
+
+    @property
+    def terms(self) -> tuple[float, ...]:
+        """Direction, and the way."""
+        return self.direction, self.travel, self.fastest, self.acceleration
+
+    def mirrored(self) -> FloorShift:
+        """It goes to the other side."""
+        return replace(self, direction=0.0 - self.direction)
+
+
 @register_disturbance
 @dataclass(frozen=True)
 class Push(Disturbance):
@@ -136,10 +366,13 @@ class Push(Disturbance):
     left are those of the robot when the push starts. It stays as it is in the world from then on.
     A thigh is the link from the last axis of the hip to the knee, a shank that from knee to ankle. Another
     body is "link:JOINT", the one that a held joint of the robot moves, such as an arm's.
+
+    Where there is a `law`, it says what acts; the force is then the nominal one, by which a push is reported,
+    and its direction that of the law. What was delivered is measured.
     """
 
     json_name = "push"
-    left_out = ("frame",)
+    left_out = ("frame", "law")
 
     force: Vector  # [N]
     duration: float  # [s]
@@ -147,6 +380,7 @@ class Push(Disturbance):
     body: Body | str = "pelvis"
     offset: Vector = (0.0, 0.0, 0.0)  # point of attack from the body's CoM, body axes [m]
     frame: PushFrame = "world"  # of the force
+    law: Law | None = None  # that the force follows; None: it is constant
 
     def __post_init__(self) -> None:
         self._set(force=require_vector("Push.force [N]", self.force, FORCE_MAX))
@@ -158,6 +392,8 @@ class Push(Disturbance):
         require_choice("push frame", self.frame, FRAMES)
         if not isinstance(self.start, GaitEvent):
             self._set(start=require_number("Push.start [s]", self.start, 0.0))
+        if self.law is not None:
+            require_kind("Push.law", self.law, Law).check(self)
 
     @property
     def forces(self) -> tuple[Push, ...]:
@@ -166,8 +402,13 @@ class Push(Disturbance):
 
     @property
     def impulse(self) -> Vector:
-        """F d, (3,) [N s]."""
-        return _times(self.force, self.duration)
+        """F d, or what the law makes of it, (3,) [N s]."""
+        return _times(self.force, self.full_time)
+
+    @property
+    def full_time(self) -> float:
+        """Time of the full force that gives the impulse: the duration, where there is no law [s]."""
+        return self.duration if self.law is None else self.law.full_time(self.duration)
 
     @property
     def impulse_magnitude(self) -> float:
@@ -181,19 +422,23 @@ class Push(Disturbance):
 
     def mirrored(self) -> Push:
         """Reflection in the x-z plane: y components negated, body and event those of the other side."""
-        start = self.start.mirrored() if isinstance(self.start, GaitEvent) else self.start
-        swaps = (("left", "right"), ("right", "left"))
-        body = next((self.body.replace(*swap) for swap in swaps if swap[0] in self.body), self.body)
-        return Push(_mirrored(self.force), self.duration, start, body, _mirrored(self.offset), self.frame)
+        law = None if self.law is None else self.law.mirrored()
+        return Push(
+            mirrored_vector(self.force), self.duration, mirrored_start(self.start), mirrored_body(self.body),
+            mirrored_vector(self.offset), self.frame, law,
+        )  # fmt: skip
 
     def scaled(self, scale: Similarity) -> Push:
         """The same push for a robot of another size; a gait event stays."""
         force, offset = _times(self.force, scale.mass), _times(self.offset, scale.length)
-        start = self.start if isinstance(self.start, GaitEvent) else self.start * scale.time
-        return Push(force, self.duration * scale.time, start, self.body, offset, self.frame)
+        law = None if self.law is None else self.law.scaled(scale)
+        start = scaled_start(self.start, scale)
+        return Push(force, self.duration * scale.time, start, self.body, offset, self.frame, law)
 
     @classmethod
     def _parsed(cls, name: str, value: Any) -> Any:
+        if name == "law" and isinstance(value, Mapping):
+            return LAWS.read(value)
         return object_of(GaitEvent, value) if name == "start" else value
 
 
@@ -223,16 +468,33 @@ class Kick(Disturbance):
 
     def mirrored(self) -> Kick:
         """Reflection in the x-z plane."""
-        return Kick(_mirrored(self.velocity), self.start)
+        return Kick(mirrored_vector(self.velocity), self.start)
 
     def scaled(self, scale: Similarity) -> Kick:
         """The same kick for a robot of another size."""
         return Kick(_times(self.velocity, scale.velocity), self.start * scale.time)
 
 
-def _mirrored(vector: Vector) -> Vector:
+def mirrored_vector(vector: Vector) -> Vector:
+    """A vector reflected in the x-z plane."""
     x, y, z = vector
     return x, 0.0 - y, z
+
+
+def mirrored_start(start: float | GaitEvent) -> float | GaitEvent:
+    """A start, or the same one on the other foot."""
+    return start.mirrored() if isinstance(start, GaitEvent) else start
+
+
+def mirrored_body(body: str) -> str:
+    """The same body on the other side."""
+    swaps = (("left", "right"), ("right", "left"))
+    return next((body.replace(*swap) for swap in swaps if swap[0] in body), body)
+
+
+def scaled_start(start: float | GaitEvent, scale: Similarity) -> float | GaitEvent:
+    """A start for a robot of another size; a gait event stays."""
+    return start if isinstance(start, GaitEvent) else start * scale.time
 
 
 def _times(vector: Vector, factor: float) -> Vector:

@@ -1,14 +1,18 @@
-"""Records: frozen dataclasses that are read from JSON and written, and kinds of them that anyone may add."""
+"""Records: frozen dataclasses that are read from JSON and written, and kinds of them that anyone may add.
+
+Their numbers may be `Quantities`, whose units, bounds and similarity are said once.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
-from typing import Any, ClassVar, Generic, Self, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.validation import parse_json, require_choice, require_keys
+from ...controllers.model.robot import Similarity
+from ...controllers.validation import parse_json, require_choice, require_keys, require_number
 
 
 class JsonRecord:
@@ -73,6 +77,41 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple | list):
         return [_plain(entry) for entry in value]
     return value.to_dict() if isinstance(value, JsonRecord) else value
+
+
+class Quantity(NamedTuple):
+    """Unit and bounds of a number, and which ratio of `Similarity` it goes with; none: it is any robot's."""
+
+    unit: str
+    low: float
+    high: float
+    ratio: str = ""
+
+
+Quantities = Mapping[str, Quantity]
+
+
+def checked(owner: str, record: Any, quantities: Quantities) -> dict[str, float | None]:
+    """The numbers of a record by field, each within its bounds; None stays where it is a field's default.
+
+    Raises:
+        InvalidValueError: no number, or one out of its bounds.
+    """
+    found: dict[str, float | None] = {}
+    for name, (unit, low, high, _) in quantities.items():
+        value = getattr(record, name)
+        if value is not None or getattr(type(record), name, 0.0) is not None:
+            label = f"{owner}.{name}{f' [{unit}]' if unit else ''}"
+            value = require_number(label, value, low, high) + 0.0  # no -0.0
+        found[name] = value
+    return found
+
+
+def resized(record: Any, quantities: Quantities, scale: Similarity) -> dict[str, float]:
+    """The numbers of a record by field for a robot of another size, of those that hang on it."""
+    sized = {name: quantity.ratio for name, quantity in quantities.items() if quantity.ratio}
+    values = ((name, getattr(record, name), ratio) for name, ratio in sized.items())
+    return {name: value * getattr(scale, ratio) for name, value, ratio in values if value is not None}
 
 
 K = TypeVar("K", bound=JsonRecord)

@@ -20,8 +20,9 @@ from ...controllers.validation import (
     require_kind,
     require_number,
 )
+from .disturbances import read_disturbance
 from .model_errors import EXACT_MODEL, PLAIN_PHYSICS, ModelErrors, PhysicsOptions
-from .push import SIDES, Disturbance, Kick, Push, Side, other_side, read_disturbance
+from .push import SIDES, Disturbance, Kick, Push, Side, other_side
 from .record import JsonRecord, object_of
 
 FASTEST_TURN = 0.6  # [rad/s]

@@ -54,6 +54,7 @@ class Terrain(JsonRecord, ABC):
     """
 
     shapes: ClassVar[bool] = True  # whether `shape` changes the model
+    collides: ClassVar[bool] = False  # whether it is there only for robots with `ModelErrors.collisions`
 
     @property
     def tilt(self) -> tuple[float, float]:
@@ -247,3 +248,35 @@ class Stairs(Terrain):
         """Steps in the same proportion to a robot of another size, as far as their bounds allow it."""
         sizes = {name: scale.length * getattr(self, name) for name in ("rise", "start", "tread", "landing")}
         return replace(self, **sizes)
+
+
+@register_terrain
+@dataclass(frozen=True)
+class Wall(Terrain):
+    """A plane that stands beside the robot; all shapes that collide meet it, as they meet the floor."""
+
+    json_name, collides = "wall", True
+
+    distance: float  # from the stance sole at the beginning [m]
+    direction: float = 0.5 * math.pi  # in which it stands, counter-clockwise from x [rad]
+
+    def __post_init__(self) -> None:
+        self._set(distance=require_number("Wall.distance [m]", self.distance, 0.05, 1000.0))
+        self._set(direction=require_number("Wall.direction [rad]", self.direction, -math.tau, math.tau))
+
+    def shape(self, spec: mujoco.MjSpec, soles: Sequence[str]) -> None:
+        """Put the plane there, its normal towards the origin."""
+        from mujoco import mjtGeom  # heavy, and scenarios are read without it
+
+        x, y = math.cos(self.direction), math.sin(self.direction)
+        wall = spec.worldbody.add_geom()
+        wall.name, wall.type, wall.size = "wall", mjtGeom.mjGEOM_PLANE, [0.0, 0.0, 1.0]
+        wall.pos, wall.quat = [self.distance * x, self.distance * y, 0.0], [1.0, y, -x, 0.0]  # z to (-x, -y)
+
+    def mirrored(self) -> Wall:
+        """It stands on the other side."""
+        return replace(self, direction=0.0 - self.direction)
+
+    def scaled(self, scale: Similarity) -> Wall:
+        """Nearer to a smaller robot."""
+        return replace(self, distance=scale.length * self.distance)

@@ -73,7 +73,7 @@ def _mark_events(axes: Any, record: EpisodeRecord) -> None:
     time, step = record["time"], record["step"]
     for i in np.flatnonzero(np.diff(step)) + 1:
         axes.axvline(time[i], color=style.STEP_COLOUR, lw=0.8, zorder=1)
-    for start, push in zip(record.push_starts, record.scenario.pushes, strict=True):
+    for start, push in zip(record.push_starts, record.scenario.forces, strict=True):
         if start < time[-1]:
             style.shade_push(axes, start, push.duration)
 

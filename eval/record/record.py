@@ -61,7 +61,7 @@ class EpisodeRecord:
     units: Mapping[str, str]  # of every column
     bounds: Mapping[str, float]  # how far some columns may go both ways, in their units
     sole: tuple[float, float]  # length, width [m]
-    push_starts: tuple[float, ...]  # of the scenario's pushes [s], inf: its gait event has not come
+    push_starts: tuple[float, ...]  # of the scenario's forces [s], inf: its gait event has not come
     mass: float  # [kg]
 
     def __getitem__(self, name: str) -> Array:
@@ -144,7 +144,7 @@ class Recorder:
         columns = {name: np.array([row[name] for row in self.rows]) for name in self.units}
         for column in columns.values():
             column.flags.writeable = False
-        starts = self._episodes.core.pushes.start[0, : len(scenario.pushes)].tolist()
+        starts = self._episodes.core.pushes.start[0, : len(scenario.forces)].tolist()
         mass = self._episodes.robot.mass
         return EpisodeRecord(
             scenario, outcome, columns, self.units, self.bounds, self.sole, tuple(starts), mass

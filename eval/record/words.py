@@ -73,12 +73,12 @@ class EpisodeWords:
 def last_info(record: EpisodeRecord) -> dict[str, Any]:
     """Entries of the last step's `info` that `describe` needs: push, time, failure reason, recovery."""
     outcome, push = record.outcome, None
-    if record.scenario.pushes:
+    if record.scenario.forces:
         begun = [start for start in record.push_starts if start < outcome.end_time]
         index = record.push_starts.index(max(begun)) if begun else 0
         start = record.push_starts[index]
         push = {
-            "impulse": record.scenario.pushes[index].impulse,
+            "impulse": record.scenario.forces[index].impulse,
             "start": start if math.isfinite(start) else None,
         }
     return {
@@ -91,6 +91,7 @@ def last_info(record: EpisodeRecord) -> dict[str, Any]:
 
 def pushes_words(pushes: Sequence[Mapping[str, Any]]) -> str:
     """Pushes in the form of `info["push"]`: "52.8 N s to the right", "4 x 60.0 N s backward"."""
+    pushes = [push for push in pushes if any(push["impulse"])]
     if not pushes:
         return "no push"
     sizes = [f"{math.hypot(*push['impulse']):.1f}" for push in pushes]
@@ -119,9 +120,9 @@ def impulse_words(push: Push, mass: float) -> str:
 
 def push_words(record: EpisodeRecord) -> str:
     """The pushes of an episode: the first one, and how many more."""
-    if not record.scenario.pushes:
+    if not record.scenario.forces:
         return "no push"
-    first, *others = record.scenario.pushes
+    first, *others = record.scenario.forces
     return impulse_words(first, record.mass) + (f" and {len(others)} more" if others else "")
 
 

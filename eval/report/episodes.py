@@ -105,7 +105,7 @@ def telling_pushes(evaluation: Evaluation, a: str, b: str) -> list[Scenario]:
     sides: dict[bool, list[tuple[float, int]]] = {True: [], False: []}  # whether a recovers
     rows = zip(evaluation.suite.scenarios, evaluation.rows[a], evaluation.rows[b], strict=True)
     for place, (scenario, of_a, of_b) in enumerate(rows):
-        if scenario.pushes and of_a["recovered"] != of_b["recovered"]:
+        if scenario.forces and of_a["recovered"] != of_b["recovered"]:
             sides[of_a["recovered"]].append((of_a["impulse"], place))
     return [evaluation.suite.scenarios[min(found)[1]] for found in sides.values() if found]
 

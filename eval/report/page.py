@@ -175,13 +175,16 @@ def short_labels(names: Iterable[str]) -> dict[str, str]:
 
 def scenario_words(scenario: Scenario) -> str:
     """A scenario in words: its first push, how many there are, and on which walk."""
-    walk, count = KINDS["command"](scenario), KINDS["count"](scenario)
-    if not scenario.pushes:
-        return f"no push, walking {walk}"
-    push = scenario.pushes[0]
+    kind, walk, count = (KINDS[name](scenario) for name in ("disturbance", "command", "count"))
+    words = f"{'' if walk == 'turning' else 'walking '}{walk}"
+    if not scenario.forces:
+        return f"no push, {words}"
+    push = scenario.forces[0]
+    if push.law is not None:
+        return f"{kind}, {words}"
     return (
         f"{push.body}, {push.impulse_magnitude:.0f} N s {direction_words(*push.force[:2])} within "
-        f"{push.duration:.2f} s, {count}, {'' if walk == 'turning' else 'walking '}{walk}"
+        f"{push.duration:.2f} s, {count}, {words}"
     )
 
 

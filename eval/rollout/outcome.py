@@ -242,11 +242,11 @@ class EffortMeter:
     def of(self, k: int) -> dict[str, float | int | None]:
         """Measures of robot k in its episode by name; None where one is not known."""
         touchdowns = self.episodes.monitor.state.touchdowns.item(k)
-        stood = self.strategy.strategy(k) is not None
+        stood, lawful = self.strategy.strategy(k) is not None, bool(self.core.pushes.law[k].any())
         found = {}
         for name, measure in MEASURES.items():
             has = (self.motors or not measure.motors) and (stood or not measure.stood)
-            has = has and (self.driven > 0 or not measure.driven)
+            has = has and (self.driven > 0 or not measure.driven) and (lawful or not measure.lawful)
             if measure.of is not None and has:
                 value = measure.of(self, k)
                 known = math.isfinite(value) and touchdowns >= measure.touchdowns
@@ -269,6 +269,7 @@ class Measure:
     motors: bool = False  # only of robots that have some
     stood: bool = False  # only of robots that have stood on both feet when told to
     driven: bool = False  # only of robots all of whose joints follow an action
+    lawful: bool = False  # only of robots with a push that follows a law
     value: Callable[[Row, Scenario], float | None] | None = None  # of the column; by default that of the row
 
     def text(self, value: float | None) -> str:
@@ -322,6 +323,9 @@ MEASURES: dict[str, Measure] = {
         motors=True,
     ),
     "driven_joints": Measure(lambda seen, k: seen.driven, driven=True),
+    "delivered": Measure(  # [N s]
+        lambda seen, k: float(np.linalg.norm(seen.core.pushes.delivered[k].sum(axis=0))), lawful=True
+    ),
     "soles_margin": Measure(lambda seen, k: seen.strategy.stance.soles.item(k), stood=True),  # [m]
     "lift_off_margin": Measure(lambda seen, k: seen.strategy.stance.lift_off.item(k), stood=True),  # [m]
 }  # fmt: skip

@@ -24,8 +24,18 @@ from numpy.typing import NDArray
 from ...controllers.model.robot import REFERENCE, SAME, RobotModel, Similarity
 from ...controllers.model.standing import Feet, max_standing_force
 from ...envs.scenario.distribution import COMMAND_KINDS, ErrorRanges, PushDistribution
+from ...envs.scenario.disturbances import (
+    Impactor,
+    Payload,
+    Platform,
+    Slip,
+    SteadyForce,
+    Trip,
+    WaistPull,
+    WeightPull,
+)
 from ...envs.scenario.model_errors import CONTROL_STEP, ModelErrors
-from ...envs.scenario.push import Body, GaitEvent, Push, Side, other_side
+from ...envs.scenario.push import Body, Disturbance, GaitEvent, Push, Side, other_side
 from ...envs.scenario.scenario import AT_REST, FASTEST_TURN, Command, Scenario
 
 LEVELS = 16  # of each factor
@@ -242,7 +252,7 @@ def varied_scenario(scenario_id: str, u: Point, noise_seed: int, targets: Target
 
 def count_of(scenario: Scenario) -> str:
     """How often the scenario pushes: one of COUNTS, or none."""
-    return {0: "none", 1: "single", 2: "double"}.get(len(scenario.pushes), "repeated")
+    return {0: "none", 1: "single", 2: "double"}.get(len(scenario.forces), "repeated")
 
 
 def walk_of(scenario: Scenario) -> str:
@@ -340,6 +350,86 @@ def standing_scenario(scenario_id: str, u: Standing, noise_seed: int) -> Scenari
         vector = (round(force * math.cos(psi), 3) + 0.0, round(force * math.sin(psi), 3) + 0.0, 0.0)
         pushes.append(Push(vector, duration, round(first + i * pause, 4), body, (x, y, z), "heading"))
     return Scenario(scenario_id, tuple(pushes), AT_REST, stance, noise_seed=noise_seed, stride=stride)
+
+
+class Laboratory(NamedTuple):
+    """Coordinates of a scenario with one of the disturbances that laboratories use, each in [0, 1)."""
+
+    kind: float  # 16 levels: KINDS
+    strength: float
+    direction: float
+    phase: float
+    sides: float  # 16 levels: first stance, stance foot of the disturbance, in place or forward
+    speed: float
+    shape: float  # what else a kind may vary
+
+
+Maker = Callable[[float, float, float, GaitEvent], Disturbance]  # of strength, psi, shape and the moment
+
+
+def impact(strength: float, psi: float, shape: float, event: GaitEvent) -> Impactor:
+    """80-240 N s of momentum of 12-60 kg at the pelvis; heavy ones are slow."""
+    mass = round(12.0 * 5.0**shape, 4)
+    return Impactor(mass, round(between((80.0, 240.0), strength) / mass, 4), event, psi)
+
+
+def weight(strength: float, psi: float, shape: float, event: GaitEvent) -> WeightPull:
+    """10-60 kg that hang on a cable for 0.5-1.5 s."""
+    return WeightPull(between((10.0, 60.0), strength), event, between((0.5, 1.5), shape), psi)
+
+
+def waist(strength: float, psi: float, shape: float, event: GaitEvent) -> WaistPull:
+    """0.2-0.9 m at up to 0.4-1.6 m/s."""
+    return WaistPull(between((0.2, 0.9), strength), between((0.4, 1.6), shape), event, psi)
+
+
+def steady(strength: float, psi: float, shape: float, event: GaitEvent) -> SteadyForce:
+    """60-360 N for 1-4 s."""
+    return SteadyForce(between((60.0, 360.0), strength), event, between((1.0, 4.0), shape), psi)
+
+
+def slip(strength: float, psi: float, shape: float, event: GaitEvent) -> Slip:
+    """Friction of 0.2 to 0.02 under the stance sole for 0.4-2 s."""
+    friction = round(0.2 * (0.02 / 0.2) ** strength, 4)
+    return Slip(event.side, friction, event, between((0.4, 2.0), shape))
+
+
+def trip(strength: float, psi: float, shape: float, event: GaitEvent) -> Trip:
+    """A block of 25 cm that holds the foot with up to 50-800 N for 0.3-1.5 s, in the first half of a step."""
+    moment = replace(event, fraction=round(0.5 * event.fraction, 4))
+    force, duration = between((50.0, 800.0), strength), between((0.3, 1.5), shape)
+    return Trip(moment, height=0.25, force=force, duration=duration)
+
+
+def payload(strength: float, psi: float, shape: float, event: GaitEvent) -> Payload:
+    """4-30 kg that fall by 0.1-1 m onto the trunk, 0.1 m off its axis, to any side."""
+    side = round(0.1 * math.cos(psi), 4) + 0.0, round(0.1 * math.sin(psi), 4) + 0.0, 0.1
+    return Payload(between((4.0, 30.0), strength), between((0.1, 1.0), shape), event, offset=side)
+
+
+def platform(strength: float, psi: float, shape: float, event: GaitEvent) -> Platform:
+    """0.1-1 m, at up to 0.6-3 m/s, accelerated by 8 m/s^2."""
+    way, fastest = between((0.1, 1.0), strength), between((0.6, 3.0), shape)
+    return Platform(way, fastest, event, psi, acceleration=8.0)
+
+
+KINDS: tuple[Maker, ...] = (impact, weight, waist, steady, slip, trip, payload, platform)
+
+
+def laboratory_scenario(scenario_id: str, u: Laboratory, noise_seed: int) -> Scenario:
+    """Scenario of one point, in place or walking forward at up to 0.5 m/s; who trips walks at 0.3 or more."""
+    bits, maker = int(u.sides * LEVELS), KINDS[int(u.kind * len(KINDS))]
+    event = GaitEvent(FIRST_STEP, "left" if bits & 2 else "right", round(u.phase, 4))
+    psi = round((2.0 * u.direction - 1.0) * math.pi, 4)
+    disturbance = maker(u.strength, psi, u.shape, event)
+    slowest = 0.3 if maker is trip else 0.0
+    return Scenario(
+        scenario_id,
+        disturbances=(disturbance,),
+        command=Command(between((slowest, 0.5), u.speed) if slowest or bits & 4 else 0.0),
+        stance_side="left" if bits & 1 else "right",
+        noise_seed=noise_seed,
+    )
 
 
 HARD = PushDistribution(impulse_min=80.0, impulse_max=200.0)
@@ -467,6 +557,10 @@ DRAWS: Mapping[str, Draw] = {  # by kind of suite
     "standing": Draw(
         len(Standing._fields),
         lambda name, u, noise_seed: standing_scenario(name, Standing(*u.tolist()), noise_seed),
+    ),
+    "disturbances": Draw(
+        len(Laboratory._fields),
+        lambda name, u, noise_seed: laboratory_scenario(name, Laboratory(*u.tolist()), noise_seed),
     ),
     **{kind: shift.draw for kind, shift in SHIFTS.items()},
 }

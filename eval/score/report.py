@@ -1,12 +1,13 @@
 """An evaluation as tables: rates, pairs, kinds of push, effort, reasons, limits, profiles side by side."""
 
 import statistics
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 
 from ...controllers.files import write_text
 from ...controllers.whole_body.limits import LIMIT_NAMES
+from ...envs.scenario.push import Disturbance
 from ...envs.scenario.scenario import Scenario
 from ..output.statistics import PairedCounts, holm
 from ..output.tables import Table, markdown_page, write_reports
@@ -67,8 +68,19 @@ LIMITS = {  # of controllers/whole_body/limits.py, in words
     "touchdown_error": "the foot landed elsewhere or later than planned",
     "dcm_tracking": "the robot's motion is not what was planned",
 }
+
+
+def _names(names: Iterable[str]) -> str:
+    return " and ".join(sorted(set(names))) or "none"
+
+
+def _parts(scenario: Scenario) -> tuple[Disturbance, ...]:
+    return *scenario.pushes, *scenario.kicks, *scenario.disturbances
+
+
 KINDS: dict[str, Callable[[Scenario], str]] = {  # a question about a scenario, whose answers split a suite
-    "body": lambda scenario: " and ".join(sorted({push.body for push in scenario.pushes})) or "none",
+    "disturbance": lambda scenario: _names(part.json_name for part in _parts(scenario)),
+    "body": lambda scenario: _names(push.body for push in scenario.forces if any(push.force)),
     "count": count_of,
     "command": walk_of,
 }

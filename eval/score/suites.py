@@ -27,7 +27,7 @@ from ..rollout.load_policy import shipped_digest
 from .draw import BLOCK, DRAWS, RANGES, SHIFTS, pelvis_draw
 
 SEED, HARD_SEED, VARIED_SEED, QUICK_SEED = 20180609, 20181121, 20261122, 20261123
-STANDING_SEED = 20261125
+STANDING_SEED, DISTURBANCES_SEED = 20261125, 20261126
 BLOCKS = 4  # of 256 scenarios
 VERSION = "1"
 OF_ROBOT = "@"  # between the name of a suite and that of the robot that it was scaled for
@@ -183,11 +183,14 @@ SUITES: dict[str, Callable[[], Suite]] = {
         "hardware": lambda: with_profile(SUITES["varied"](), HARDWARE),
         # 1024 of every kind on robots that stand, see `standing_scenario`
         "standing": lambda: _drawn("standing", "standing", STANDING_SEED),
+        # 256 of the kinds that laboratories use, see `laboratory_scenario`
+        "disturbances": lambda: _drawn("disturbances", "disturbances", DISTURBANCES_SEED, 1),
         # 1024 more, of `sealed_seed`: nobody can have looked at them while designing the code
         "varied-sealed": lambda: _drawn("varied-sealed", "varied", sealed_seed()),
         "hardware-sealed": lambda: with_profile(SUITES["varied-sealed"](), HARDWARE),
         "hard-sealed": lambda: _drawn("hard-sealed", "hard", sealed_seed()),
         "standing-sealed": lambda: _drawn("standing-sealed", "standing", sealed_seed()),
+        "disturbances-sealed": lambda: _drawn("disturbances-sealed", "disturbances", sealed_seed()),
         # `quick` until its version 2, the first 256 of `standard`, stratified too; the pendulum's still
         "quick-1": lambda: Suite("quick", VERSION, SUITES["standard"]().scenarios[:BLOCK]),
         # 256 pushes like those of `hard`, one thing changed of each

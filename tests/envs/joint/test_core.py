@@ -23,6 +23,7 @@ from push_recovery.envs.joint.core import write_floor_points
 from push_recovery.envs.joint.env import FROM_GAIT, JOINT_REWARD_TERMS, JointEpisodes, JointResidualEpisodes
 from push_recovery.envs.robots.biped import biped, biped_model
 from push_recovery.envs.robots.variants import NO_WAIST
+from push_recovery.envs.scenario.disturbances import Impactor
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 
@@ -355,3 +356,17 @@ def test_a_joint_that_a_robot_does_not_have_is_asked_for_nothing():
     np.testing.assert_array_equal(core.joints.reach > 0.0, moved)
     assert not core.joints.posture[~moved].any()
     assert len(set(core.joints.reach[moved].tolist())) == 1
+
+
+@pytest.mark.parametrize("robots", [JointEpisodes, JointResidualEpisodes])
+def test_an_impactor_hits_any_robot(robots):
+    episodes, hit = robots(2), Impactor(8.0, 3.0, 0.1, direction=1.0)
+    for k, parts in enumerate(((hit,), ())):
+        episodes.begin(k, Scenario(str(k), disturbances=parts, duration=5.0))
+    for _ in range(25):
+        episodes.step(np.zeros((2, episodes.action_size), np.float32))
+    delivered = episodes.core.pushes.delivered[:, 0]
+    assert np.linalg.norm(delivered[0]) > 8.0 * 3.0 * 0.6
+    assert not delivered[1].any()
+    gained = episodes.core.physics.qvel[0, :2] - episodes.core.physics.qvel[1, :2]
+    assert gained @ [np.cos(1.0), np.sin(1.0)] > 0.2

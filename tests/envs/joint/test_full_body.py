@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.envs.biped import laws
 from push_recovery.envs.joint.full_body import (
     ANGLES,
     COMMAND,
@@ -29,6 +30,7 @@ from push_recovery.envs.joint.full_body import (
 )
 from push_recovery.envs.robots.compiled_robot import compiled_robot
 from push_recovery.envs.robots.variants import ARM, ARM_TORQUE, ARMS_HELD
+from push_recovery.envs.scenario.disturbances import Impactor, Slip
 from push_recovery.envs.scenario.push import GaitEvent, Kick, Push
 from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
 
@@ -301,3 +303,26 @@ def test_real_robots_have_all_joints_that_follow_no_others(robot, joints, missin
     names = joint_names(compiled_robot(driven(robot)))
     assert names.count(None) == missing
     assert len(set(names) - {None}) == joints
+
+
+def test_what_laboratories_use_is_felt_alike(arms):
+    """An impactor gives what it loses, at the time of its gait event, and the sole slips; twice the same."""
+    hit = Impactor(5.0, 2.0, GaitEvent(1, "right", 0.5), direction=0.6)
+    scenario = Scenario("hit", disturbances=(hit, Slip("left", 0.05, 0.1, 0.3)), duration=5.0)
+    traces = []
+    for _ in range(2):
+        arms.begin(0, scenario)
+        arms.begin(1, HOLD)
+        seen = []
+        for _ in range(60):
+            arms.step(np.zeros((3, arms.action_size), np.float32))
+            seen.append(arms.core.drives.observation[:2].copy())
+        traces.append(np.array(seen))
+    assert traces[0].tobytes() == traces[1].tobytes()
+    assert np.abs(traces[0][:, 0] - traces[0][:, 1]).max() > 0.05
+    delivered = arms.core.pushes.delivered[0].sum(axis=0)
+    lost = 5.0 * (2.0 - arms.core.pushes.progress[0, 0, laws.SPEED])
+    assert delivered == pytest.approx(lost * np.array([math.cos(0.6), math.sin(0.6), 0.0]), abs=1e-9)
+    assert lost > 5.0
+    assert arms.core.pushes.start[0, 0] == pytest.approx(1.5 * arms.nominal(0.0, 0.0).duration)
+    assert arms.more_info()["delivered"][1].tolist() == [True, False, False]

@@ -24,6 +24,7 @@ from push_recovery.envs.scenario.terrain import (
     Stairs,
     Terrain,
     Tiles,
+    Wall,
     add_box,
     register_terrain,
 )
@@ -257,3 +258,51 @@ def test_the_highest_of_all_parts_is_the_floor():
     assert [floor.under(x, 0.0) for x in (-0.5, 0.3, 0.55, 0.9)] == [
         (0.0, 0.0), (0.03, 0.03), (0.03, 0.08), (0.08, 0.08)
     ]  # fmt: skip
+
+
+def test_a_wall_holds_up_a_robot_that_is_pushed_against_it():
+    """It meets trunk or arms, by a force that points away from it; the robot without one goes on."""
+    push = Push((0.0, 1500.0, 0.0), 0.1, 0.2)
+    walls = (Wall(0.4), None)
+    episodes, most = BipedEpisodes(2), []
+    policy = make_policy("two-stage", episodes.robot, episodes.limits, episodes.preset)
+    for k, wall in enumerate(walls):
+        errors = ModelErrors(collisions=True, terrain=wall)
+        episodes.begin(k, Scenario(str(k), (push,), errors=errors, stance_side="right", duration=9.0))
+    core, forces, force = episodes.core, [], np.zeros(6)
+    model, data = core.simulations.models[0], core.simulations.data[0]
+    plane = model.geom("wall").id
+    for _ in range(80):
+        episodes.step(policy.predict(core.observation)[0])
+        most.append(core.judged.qpos[:, 1].copy())
+        for i, contact in enumerate(data.contact):
+            if plane in contact.geom:
+                mujoco.mj_contactForce(model, data, i, force)
+                sign = 1.0 if contact.geom[0] == plane else -1.0
+                forces.append(sign * contact.frame.reshape(3, 3).T @ force[:3])
+    assert len(forces) > 0
+    total = np.sum(forces, axis=0)
+    assert total[1] < -100.0  # to the right, where the robot is
+    reached = np.max(most, axis=0)
+    assert reached[0] < 0.4 < reached[1]
+
+
+def test_a_wall_is_mirrored_and_scaled_and_needs_collisions():
+    wall = Wall(0.5, 1.0)
+    assert wall.mirrored() == Wall(0.5, -1.0)
+    assert wall.scaled(Similarity(mass=0.5, length=0.6)) == Wall(0.3, 1.0)
+    scenario = Scenario("a", errors=ModelErrors(terrain=wall, collisions=True))
+    assert Scenario.from_json(scenario.to_json()) == scenario
+    model = altered_model(biped(), scenario.errors)
+    assert model is not None
+    plane = model.geom("wall")
+    assert plane.pos == pytest.approx([0.5 * math.cos(1.0), 0.5 * math.sin(1.0), 0.0])
+    normal = np.zeros(9)
+    mujoco.mju_quat2Mat(normal, plane.quat)
+    assert normal[2::3] == pytest.approx([-math.cos(1.0), -math.sin(1.0), 0.0], abs=1e-9)
+    with pytest.raises(InvalidValueError, match=r"collisions must be true with .* wall, got False"):
+        ModelErrors(terrain=wall)
+    with pytest.raises(InvalidValueError, match=r"Wall.distance \[m\] must be in \[0.05, 1000\], got 0"):
+        Wall(0.0)
+    with pytest.raises(InvalidValueError, match=r"Wall.direction \[rad\] must be finite"):
+        Wall(1.0, math.nan)

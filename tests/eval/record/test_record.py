@@ -11,6 +11,7 @@ from push_recovery.controllers.whole_body import gait_machine
 from push_recovery.controllers.whole_body.kinematics import TRUNK, sole_position
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.pendulum import dynamics
+from push_recovery.envs.scenario.disturbances import Impactor, Slip
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.api import rollout
@@ -51,6 +52,23 @@ def test_pushes_deliver_their_impulses(shoved):
     acting = shoved["time"][shoved["push_x"] > 0.0]
     assert acting[0] > shoved.push_starts[0]
     assert acting[-1] < shoved.push_starts[0] + PUSH.duration + 0.01
+
+
+def test_what_follows_a_law_is_recorded_as_it_is_delivered():
+    """The outcome is the rollout's; the impulse of the columns is the measured, not the nominal one."""
+    hit, slip = Impactor(10.0, 5.0, 0.5, direction=1.0), Slip("left", 0.1, 0.6, 0.2)
+    scenario = Scenario("hit", disturbances=(hit, slip), settle_time=0.5)
+    found = record("two-stage", scenario)
+    assert found.outcome == rollout("two-stage", scenario)
+    impulses = [found[f"push_{axis}"][1:] @ np.diff(found["time"]) for axis in "xyz"]
+    delivered = found.outcome.measures["delivered"]
+    assert np.linalg.norm(impulses) == pytest.approx(delivered, abs=1e-5)
+    assert 50.0 < delivered < 75.0
+    assert found.outcome.impulse == pytest.approx(50.0)
+    assert found.push_starts == (0.5, 0.6)
+    assert wording.push_words(found).startswith("50.0 N s (0.83 N s/kg) forward and to the left and 1 more")
+    assert wording.describe(found).startswith("no push: ")  # the latest one is the slip
+    assert "delivered" not in rollout("two-stage", SHOVED).measures
 
 
 def test_limits_met_are_those_of_the_outcome(shoved):

@@ -12,6 +12,7 @@ from push_recovery.controllers.whole_body.kinematics import NU, NV
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.limits_record import LimitsReport
 from push_recovery.envs.robots.variants import ARMS_HELD
+from push_recovery.envs.scenario.arrays import empty_pushes
 from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.envs.wrappers import ActionHold
@@ -102,6 +103,7 @@ class Episodes(SimpleNamespace):
             margin=np.zeros(2),
             truth=np.zeros((2, 36)),
             command=np.zeros((2, 4)),
+            pushes=empty_pushes(2, 1),
         )  # fmt: skip
         errors = {"error": np.array([[0.01, 9, 9], [0.02, 9, 9]]), "speed_error": np.array([0.1, 0.2])}
         monitor = SimpleNamespace(state=SimpleNamespace(touchdowns=np.array([3, 2]), **errors))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.model.robot import REFERENCE, Similarity
 from push_recovery.envs.scenario.distribution import ErrorRanges
+from push_recovery.envs.scenario.disturbances import Impactor, Payload, Platform, Slip, SteadyForce, Trip
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -278,3 +279,47 @@ def test_repeated_pushes_turn_and_alternate():
     assert [push.start.step_index("left") for push in wide] == [5, 8, 11, 14, 17]
     assert [push.direction for push in wide] == pytest.approx([math.atan2(-0.8, 0.6)] * 5, abs=1e-5)
     assert len(draw.repeated(BASE, [0.0, 0.0, 0.0]).pushes) == 2
+
+
+def in_laboratory(kind: int, **changes: float) -> Scenario:
+    middle = draw.Laboratory(*[0.5] * len(draw.Laboratory._fields))
+    return draw.laboratory_scenario("mine", middle._replace(kind=(kind + 0.5) / 8, **changes), 7)
+
+
+def test_kinds_of_laboratories_from_points():
+    """Half the range of everything, to the left: three quarters of a turn from - pi are pi / 2."""
+    event = GaitEvent(4, "left", 0.5)
+    middle = {i: in_laboratory(i, direction=0.75, sides=6 / 16) for i in range(8)}
+    quarter = round(math.pi / 2, 4)
+    mass = round(12.0 * math.sqrt(5.0), 4)
+    assert middle[0].disturbances == (Impactor(mass, round(160.0 / mass, 4), event, quarter),)
+    assert middle[3].disturbances == (SteadyForce(210.0, event, 2.5, quarter),)
+    (slips,) = middle[4].disturbances
+    assert (type(slips), slips.side, slips.start, slips.duration) == (Slip, "left", event, 1.2)
+    assert slips.friction == pytest.approx(math.sqrt(0.2 * 0.02), abs=1e-4)  # the middle of the logarithm
+    (trips,) = middle[5].disturbances
+    assert (type(trips), trips.start, trips.force) == (Trip, GaitEvent(4, "left", 0.25), 425.0)
+    (drops,) = middle[6].disturbances
+    assert (type(drops), drops.offset) == (Payload, (0.0, 0.1, 0.1))
+    (moves,) = middle[7].disturbances
+    assert (type(moves), moves.direction) == (Platform, quarter)
+    assert {middle[i].command for i in range(8) if i != 5} == {Command(vx=0.25)}
+    assert middle[5].command == Command(vx=0.4)
+    assert in_laboratory(0, sides=2 / 16).command == Command()  # in place
+    assert in_laboratory(5, sides=2 / 16).command == Command(vx=0.4)  # who trips walks
+    assert [in_laboratory(0, sides=i / 16).stance_side for i in (0, 1)] == ["right", "left"]
+
+
+def test_the_suite_of_disturbances_has_each_kind_as_often_at_all_strengths_and_directions():
+    scenarios = get_suite("disturbances").scenarios
+    parts = [scenario.disturbances[0] for scenario in scenarios]
+    kinds = Counter(part.json_name for part in parts)
+    assert kinds == dict.fromkeys(
+        ("impactor", "weight pull", "waist pull", "steady force", "slip", "trip", "payload", "platform"), 32
+    )
+    assert all(len(scenario.disturbances) == 1 and not scenario.pushes for scenario in scenarios)
+    for kind in ("impactor", "waist pull", "platform"):
+        turned = [part.direction for part in parts if part.json_name == kind]
+        quarters = Counter(int((psi + math.pi) / (0.5 * math.pi) - 1e-9) for psi in turned)
+        assert set(quarters.values()) == {8}
+    assert {scenario.stance_side for scenario in scenarios} == {"left", "right"}

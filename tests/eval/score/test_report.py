@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from push_recovery.controllers.settings import PresetFile
 from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
+from push_recovery.envs.scenario.disturbances import Payload, Slip
 from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.cli.main import main
@@ -280,3 +281,20 @@ def test_the_command_runs_a_suite_under_several_profiles(tmp_path, capsys):
 def test_profiles_are_known_and_named_once(names, words, capsys):
     assert main(["evaluate", "--profile", *names]) == 2
     assert words in capsys.readouterr().err
+
+
+def test_disturbances_are_a_row_each_for_every_policy():
+    """And a body counts where a force acts on it alone."""
+    scenarios = (
+        Scenario("a", (Push((100.0, 0.0, 0.0), 0.1, 1.0),)),
+        Scenario("b", disturbances=(Slip("left", 0.1, 1.0, 0.3),)),
+        Scenario("c", disturbances=(Payload(5.0, 0.5, 1.0),)),
+        Scenario("d", disturbances=(Slip("right", 0.1, 1.0, 0.3),)),
+    )
+    assert report.groups_of(scenarios) == {
+        "payload": ("c",), "push": ("a",), "slip": ("b", "d"),
+        "none": ("b", "d"), "pelvis": ("a",), "trunk": ("c",),
+    }  # fmt: skip
+    rows = [{"recovered": i < 2, "survived": i < 3} for i in range(4)]
+    found = Evaluation(Suite("four", "1", scenarios), "env", {"p": rows, "q": rows[::-1]}, Path("out"), 0.0)
+    assert ("slip", "2", "1/1", "1/2") in report.kinds_table(found).rows

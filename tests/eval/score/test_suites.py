@@ -26,6 +26,7 @@ HASHES = {
     "varied": "89867e965aa664744a43e0acb9f16414dfe600ff59da6e5de770c083abe93507",
     "hardware": "cec4de3e3c0294d718f5bcded98e7bce4d58c06e51979a4a1c40589ba54cf50c",
     "standing": "6027ef5f93e141ad1b8ef673cdd5b33244a2c325f63a4f81e0b5bb5195e90bed",
+    "disturbances": "eae7a295e2df2cc9367ec1f4f0863ccdb792b42680ee57f8505a3a17d9113b09",
 }
 
 
@@ -268,7 +269,7 @@ def test_a_suite_follows_from_its_seed(like):
     first, again, other = (suites.new_suite(like, seed, 20) for seed in (1, 1, 2))
     assert first == again
     assert (first.name, len(first.scenarios)) == (f"{like}-1", 20)
-    drawn, others = ({(s.pushes, s.errors) for s in suite.scenarios} for suite in (first, other))
+    drawn, others = ({(s.forces, s.errors) for s in suite.scenarios} for suite in (first, other))
     assert not drawn & others
 
 
@@ -277,6 +278,7 @@ def test_a_suite_follows_from_its_seed(like):
     [
         ("quick", suites.QUICK_SEED), ("standard", suites.SEED), ("hard", suites.HARD_SEED),
         ("varied", suites.VARIED_SEED), ("standing", suites.STANDING_SEED), ("shift-floor", 20261207),
+        ("disturbances", suites.DISTURBANCES_SEED),
     ],
 )  # fmt: skip
 def test_the_draw_is_that_of_the_named_suite(like, seed):
