@@ -12,7 +12,7 @@ from ..errors import InvalidValueError, shown
 from ..jit import njit
 from ..model.gait_box import GAIT_NAMES, GAIT_SIZE, GaitLimits
 from ..model.nominal_gait import NOMINAL_SIZE, check_pelvis, nominal_gait_kernel, step_start_dcm_kernel
-from ..model.observation import COMMAND, DCM, ELAPSED
+from ..model.observation import COMMAND, DCM, ELAPSED, STANCE_CONTACT, TOLD_TO_STAND
 from ..model.robot import RobotModel
 from .interface import Policy
 
@@ -20,7 +20,7 @@ from .interface import Policy
 # [rad/s^2], [rad/s^2].
 PHYSICAL_SCALE = (0.12, 0.10, 0.15, 0.06, 0.03, 12.0, 12.0)
 DEFAULT_FACTOR = 1.0
-DEFAULT_GATE = (0.03, 0.10)  # [m] an undisturbed walk of the biped stays below 0.004 m
+DEFAULT_GATE = (0.03, 0.10)  # [m]
 
 
 def default_residual_scale(limits: GaitLimits, factor: float = DEFAULT_FACTOR) -> NDArray[np.float32]:
@@ -94,6 +94,7 @@ class ResidualGate:
     xi(t) exp(-omega t) is the measured DCM traced back to the begin of the step, xi_0,nom the nominal gait's
     there. An undisturbed walk of the policy below stays under 0.024 m and is its own, bit for bit, where
     `shut` is no less; in the first 0.3 s of one that turns at 0.3 m/s or more e is up to 0.054 m.
+    It is shut on both feet, and in the box of steps of a robot that is told to stand: e means nothing there.
 
     Args:
         robot: Physical constants.
@@ -121,6 +122,9 @@ def _openings(observations, constants, low, high):  # pragma: no cover - compile
     nominal = np.empty(NOMINAL_SIZE)
     for i in range(observations.shape[0]):
         obs = observations[i]
+        if obs[_ELAPSED] < 0.0 or obs[STANCE_CONTACT] >= TOLD_TO_STAND:
+            out[i, 0] = 0.0
+            continue
         nominal_gait_kernel(obs[_COMMAND], obs[_COMMAND + 1], pelvis_width, low, high, omega, delay, nominal)
         start_x, start_y = step_start_dcm_kernel(nominal, pelvis_width, omega, delay, 0.0)
         back = math.exp(-omega * obs[_ELAPSED])

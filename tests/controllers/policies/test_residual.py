@@ -7,7 +7,13 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
-from push_recovery.controllers.model.observation import COMMAND, DCM, ELAPSED, OBSERVATION_SIZE
+from push_recovery.controllers.model.observation import (
+    COMMAND,
+    DCM,
+    ELAPSED,
+    OBSERVATION_SIZE,
+    STANCE_CONTACT,
+)
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies import residual
 from push_recovery.controllers.policies.interface import PlainPolicy, as_policy
@@ -44,6 +50,15 @@ def observation(error, elapsed=0.2, command=(0.3, 0.1), delay=0.0, direction=0.7
     off = np.array(start) + error * np.array([np.cos(direction), np.sin(direction)])
     obs[DCM] = off * np.exp(ROBOT.omega * elapsed)
     return obs
+
+
+def test_the_gate_is_shut_on_both_feet_and_in_the_box_of_standing():
+    gate = residual.ResidualGate(ROBOT, LIMITS, 0.0, (0.02, 0.06))
+    walking, standing, own_box = (observation(0.5) for _ in range(3))
+    standing[ELAPSED] = -1.0
+    own_box[STANCE_CONTACT] = 3.0  # loaded, and told to stand
+    walking[STANCE_CONTACT] = 1.0
+    assert gate(np.array([walking, standing, own_box]))[:, 0].tolist() == [1.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.03])
