@@ -429,10 +429,11 @@ class BipedCore:
             (x, y, _), forward = sole_position(true, k, stance), true.xmat[k, FOOT_BODY[stance]]
             yaw, aside = math.atan2(forward[3], forward[0]), side_sign(stance) * width
             cos, sin = math.cos(yaw), math.sin(yaw)
-            shift, height = floor.foothold(
-                x + cos * length - sin * aside, y + sin * length + cos * aside, yaw
-            )
-            if not committed:
+            x_to, y_to = x + cos * length - sin * aside, y + sin * length + cos * aside
+            if committed:
+                height = floor.under(x_to, y_to, yaw)[1]
+            else:
+                shift, height = floor.foothold(x_to, y_to, yaw, length)
                 asked[STEP] += shift
             gait.rise[k] = height - floor.under(x, y, yaw)[1]
         return gaits

@@ -95,9 +95,11 @@ def place_tiles(floors: Floor, k: int) -> None:
             boxes[at + 2] = floors.step[k] * uniform(floors.seed[k], a, b) - DEPTH
 
 
-LEVEL = 0.005  # a foothold's corners differ by no more in height [m]
-BESIDE_EDGE = 0.05  # and keep so far from where they would, so that the foot clears the edge [m]
+UNEVEN = 0.03  # a sole stands on corners that differ by no more in height [m]
+BESIDE_EDGE = 0.015, 0.35  # a foot clears an edge from so far on [m], and farther by this share of its height
+FARTHEST = 0.05  # of what is looked at beside a sole [m]
 SHIFTS = (0.0, *(sign * 0.01 * step for step in range(1, 16) for sign in (1.0, -1.0)))  # of a foothold [m]
+AHEAD = 4  # footholds that are looked at
 
 
 @dataclass(frozen=True)
@@ -121,13 +123,37 @@ class KnownFloor:
         ]
         return min(heights), max(heights)
 
-    def foothold(self, x: float, y: float, yaw: float) -> tuple[float, float]:
-        """How far ahead of (x, y) a sole lies level, the nearest such place, and the height there [m].
+    def clear(self, x: float, y: float, yaw: float) -> bool:
+        """Whether a sole stands there, far enough from any edge to come and go without touching it."""
+        low, high = self.under(x, y, yaw, FARTHEST)
+        if high - low > UNEVEN:
+            least, share = BESIDE_EDGE
+            low, high = self.under(x, y, yaw, min(least + share * (high - low), FARTHEST))
+        return high - low <= UNEVEN
 
-        Along its own axis, at most by the longest of SHIFTS; where there is no such place it stays.
+    def foothold(self, x: float, y: float, yaw: float, stride: float) -> tuple[float, float]:
+        """How far ahead of (x, y) the sole shall land, and the height of the floor there [m].
+
+        Of this foothold and the next ones, `stride` apart, the first that is not clear is moved to the
+        nearest place that is, and those up to it by equal shares, so that no step is changed by much.
+
+        Args:
+            x: of the foothold asked for [m].
+            y: likewise [m].
+            yaw: of the sole, along which it may be moved [rad].
+            stride: [m].
         """
-        for shift in SHIFTS:
-            low, high = self.under(x + shift * math.cos(yaw), y + shift * math.sin(yaw), yaw, BESIDE_EDGE)
-            if high - low <= LEVEL:
-                return shift, high
-        return 0.0, self.under(x, y, yaw)[1]
+        cos, sin = math.cos(yaw), math.sin(yaw)
+
+        def is_clear(ahead: float) -> bool:
+            return self.clear(x + ahead * cos, y + ahead * sin, yaw)
+
+        shift = 0.0
+        for i in range(AHEAD):
+            needed = next((way for way in SHIFTS if is_clear(i * stride + way)), 0.0)
+            if needed != 0.0:
+                shift = needed / (i + 1)
+                break
+        if not is_clear(shift) and is_clear(0.0):
+            shift = 0.0
+        return shift, self.under(x + shift * cos, y + shift * sin, yaw)[1]
