@@ -24,7 +24,7 @@ IDS = [name for name in REGISTERED if "robot" not in gym.spec(name).kwargs]  # o
 
 
 def test_the_promised_ids_are_there():
-    forms = [f"{name}{form}" for name in ("Biped", "G1", "T1", "JVRC1") for form in FORMS]
+    forms = [f"{name}{form}" for name in ("Biped", "G1", "T1", "JVRC1", "Berkeley", "OP3") for form in FORMS]
     assert {f"PushRecovery/{name}-v0" for name in ("Pendulum", *forms)} <= set(REGISTERED)
 
 
