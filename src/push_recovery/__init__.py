@@ -89,7 +89,7 @@ _FORMS = {  # of a robot's environment: what follows its name -> one robot, n ro
     "FullBody": ("joint.full_body:FullBodyEnv", "joint.full_body:make_full_body_vector"),
     "JointResidual": ("joint.env:BipedJointResidualEnv", "joint.env:make_biped_joint_residual_vector"),
 }
-_ROBOTS = ("Biped", "G1", "T1", "JVRC1", "Berkeley", "OP3")
+_ROBOTS = ("Biped", "G1", "T1", "JVRC1", "Apollo", "Berkeley", "OP3")
 for _name in _ROBOTS:  # the models of all but the first come with the extra `robots`
     for _form, (_single, _vector) in _FORMS.items():
         register(

@@ -150,6 +150,6 @@ def test_targets_of_joints_know_no_double_support():
         InvalidValueError,
         match=rf"^preset '{PRESET}' walks with double support of 0.1 s, which "
         r"PushRecovery/BipedJoint-v0 does not know; choose from: "
-        r"berkeley, biped, default, g1, jvrc1, op3, paper, t1$",
+        r"apollo, berkeley, biped, default, g1, jvrc1, op3, paper, t1$",
     ):
         BipedJointEnv(preset=PRESET)
