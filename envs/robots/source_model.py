@@ -110,7 +110,7 @@ class SourceModel:
         """Least and largest torque of all actuators of a joint [N m]; None where one has no bound."""
         model, total = self.model, None
         kinds = (mujoco.mjtTrn.mjTRN_JOINT.value, mujoco.mjtTrn.mjTRN_JOINTINPARENT.value)
-        for actuator in np.flatnonzero(np.isin(model.actuator_trntype, kinds)):
+        for actuator in np.flatnonzero(np.isin(model.actuator_trntype, kinds)).tolist():
             if model.actuator_trnid[actuator, 0] != joint:
                 continue
             if model.actuator_forcelimited[actuator]:

@@ -393,10 +393,14 @@ def sole_axes(parts: Parts, normal: Array) -> tuple[Array, Array]:
     else:
         straight = FORWARD - (FORWARD @ normal) * normal
         straight /= np.linalg.norm(straight)
-    aside = np.cross(normal, straight)
+
+    def beside(x: Array) -> Array:
+        return np.cross(normal, x).astype(np.float64)
 
     def area(x: Array) -> float:
-        return float(np.prod([np.diff(parts.extent(u)) for u in (x, np.cross(normal, x))]))
+        return float(np.prod([np.diff(parts.extent(u)) for u in (x, beside(x))]))
+
+    aside = beside(straight)
 
     flat = np.column_stack([parts.centres @ straight, parts.centres @ aside])
     try:
@@ -409,7 +413,7 @@ def sole_axes(parts: Parts, normal: Array) -> tuple[Array, Array]:
     turned = [np.cos(angle) * straight + np.sin(angle) * aside for angle in angles]
     best = min(turned, key=area)
     if area(best) < SLANTING * area(straight):
-        return best, np.cross(normal, best)
+        return best, beside(best)
     return straight, aside
 
 

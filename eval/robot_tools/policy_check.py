@@ -38,7 +38,7 @@ CONTROLS: dict[str, Command] = {
 }
 ASTRAY = 0.2  # largest error of the mean speed of one that does what it is told [m/s], [rad/s]
 DRIFT = 0.1  # most that one may move that is told to stand, from SETTLED on [m]
-ROBOTS = ("g1", "t1", "jvrc1", "biped")
+ROBOTS = ("g1", "t1", "jvrc1", "apollo", "berkeley", "op3", "biped")
 
 
 def robot_of(contract: PolicyContract) -> str:

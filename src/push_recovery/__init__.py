@@ -89,12 +89,12 @@ _FORMS = {  # of a robot's environment: what follows its name -> one robot, n ro
     "FullBody": ("joint.full_body:FullBodyEnv", "joint.full_body:make_full_body_vector"),
     "JointResidual": ("joint.env:BipedJointResidualEnv", "joint.env:make_biped_joint_residual_vector"),
 }
-_ROBOTS = {"Biped": {}, "G1": {"robot": "g1"}, "T1": {"robot": "t1"}, "JVRC1": {"robot": "jvrc1"}}
-for _name, _robot in _ROBOTS.items():  # the models of all but the first come with the extra `robots`
+_ROBOTS = ("Biped", "G1", "T1", "JVRC1", "Apollo", "Berkeley", "OP3")
+for _name in _ROBOTS:  # the models of all but the first come with the extra `robots`
     for _form, (_single, _vector) in _FORMS.items():
         register(
             id=f"PushRecovery/{_name}{_form}-v0",
             entry_point=f"push_recovery.envs.{_single}",
             vector_entry_point=f"push_recovery.envs.{_vector}",
-            kwargs=_robot,
+            kwargs={} if _name == "Biped" else {"robot": _name.lower()},
         )

@@ -149,6 +149,7 @@ def test_targets_of_joints_know_no_double_support():
     with pytest.raises(
         InvalidValueError,
         match=rf"^preset '{PRESET}' walks with double support of 0.1 s, which "
-        r"PushRecovery/BipedJoint-v0 does not know; choose from: biped, default, g1, jvrc1, paper, t1$",
+        r"PushRecovery/BipedJoint-v0 does not know; choose from: "
+        r"apollo, berkeley, biped, default, g1, jvrc1, op3, paper, t1$",
     ):
         BipedJointEnv(preset=PRESET)

@@ -24,7 +24,8 @@ IDS = [name for name in REGISTERED if "robot" not in gym.spec(name).kwargs]  # o
 
 
 def test_the_promised_ids_are_there():
-    forms = [f"{name}{form}" for name in ("Biped", "G1", "T1", "JVRC1") for form in FORMS]
+    robots = "Biped", "G1", "T1", "JVRC1", "Apollo", "Berkeley", "OP3"
+    forms = [f"{name}{form}" for name in robots for form in FORMS]
     assert {f"PushRecovery/{name}-v0" for name in ("Pendulum", *forms)} <= set(REGISTERED)
 
 

@@ -103,6 +103,26 @@ def test_it_walks_in_all_directions(name):
     assert gone[3, 1] - gone[4, 1] > 0.4
 
 
+@pytest.mark.parametrize(
+    ("name", "mass", "sole"), [("berkeley", 16.057, (0.16, 0.055)), ("op3", 3.147, (0.127, 0.078))]
+)
+def test_small_robots_walk_too(name, mass, sole):
+    """The Berkeley Humanoid, whose feet lean with all joints at 0, and OP3, whose joints have no ranges."""
+    episodes = BipedEpisodes(3, robot=name)
+    assert episodes.robot.mass == pytest.approx(mass, abs=1e-3)
+    assert (episodes.robot.foot_length, episodes.robot.foot_width) == pytest.approx(sole)
+    policy = make_policy("two-stage", episodes.robot, episodes.limits, episodes.preset)
+    for k, command in enumerate((Command(), Command(0.15), Command(-0.1))):
+        episodes.begin(k, Scenario(f"walk-{k}", (), command))
+    for _ in range(400):
+        episodes.step(policy.predict(episodes.core.observation)[0].astype(np.float32))
+    assert not episodes.failure().any()
+    gone = episodes.core.com[:, 0]
+    assert abs(gone[0]) < 0.1
+    assert gone[1] > 0.4
+    assert gone[2] < -0.25
+
+
 def test_g1_brings_back_a_foot_that_was_thrown_as_far_as_its_leg_is_long():
     """The punch takes the knee beyond straight; a knee held there let the foot rise to 0.8 m behind it."""
     episodes = BipedEpisodes(1, robot="g1")

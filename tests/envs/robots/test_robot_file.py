@@ -69,7 +69,8 @@ def test_links_are_not_replaced_by_what_they_lead_to(written, tmp_path, monkeypa
     """A store keeps contents under names of its own; what a model includes lies beside the links."""
     path, _ = written
     store, view = tmp_path / "store", tmp_path / "view"
-    store.mkdir(), view.mkdir()
+    store.mkdir()
+    view.mkdir()
     text = (tmp_path / "theirs.xml").read_text()
     body, end = text[text.index("<worldbody>") : text.index("</worldbody>")] + "</worldbody>", "</mujoco>"
     whole = text.replace(body, '<include file="robot/body.xml"/>')
