@@ -522,3 +522,31 @@ def test_a_pendulum_refuses_what_it_does_not_have(part):
         match=rf"takes no {part.json_name}, only constant pushes and what is made of them, got",
     ):
         PendulumEpisodes(1).begin(0, Scenario("a", disturbances=(part,)))
+
+
+class Draws:
+    """A distribution of scenarios that are written down."""
+
+    def __init__(self, *scenarios):
+        self._next = iter(scenarios)
+
+    def sample(self, rng):
+        return next(self._next)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_info_of_a_vector_tells_it_where_a_law_is(first):
+    """At the end of an episode, and in the next one, either of which alone has a law."""
+    calm = Scenario("calm", duration=0.08)
+    hit = replace(calm, disturbances=(Impactor(10.0, 3.0, 0.0),))
+    envs = GaitVectorEnv(BipedEpisodes(2), autoreset_mode="SameStep")
+    envs.reset(options={"scenario": [hit if first else calm, calm]})
+    envs.push_distribution = Draws(calm if first else hit, calm)  # type: ignore[assignment]
+    nowhere, info = np.zeros(2, bool), {}
+    for _ in range(8):
+        info = envs.step(np.zeros((2, 7), np.float32))[4]
+    final = info["final_info"]
+    assert final.get("_delivered", nowhere).tolist() == [first, False]
+    assert info.get("_delivered", nowhere).tolist() == [not first, False]
+    if first:
+        assert np.linalg.norm(final["delivered"][0]) > 20.0
