@@ -138,9 +138,10 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
 
     def more_info(self) -> dict[str, tuple[NDArray[Any], NDArray[np.bool_]]]:
         """What any robot has, and the impulse so far of those whose pushes follow laws, (n, 3) [N s]."""
-        felt = self.core.pushes.law.any(axis=1)
-        found = {"delivered": (self.core.pushes.delivered.sum(axis=1), felt)} if felt.any() else {}
-        return super().more_info() | found
+        felt, found = np.asarray(self.core.pushes.law != 0).any(axis=1), super().more_info()
+        if felt.any():
+            found["delivered"] = self.core.pushes.delivered.sum(axis=1), felt
+        return found
 
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""

@@ -125,7 +125,7 @@ def test_an_impactor_hits_along_its_direction_and_at_its_point():
     bench = Bench(Impactor(10.0, 2.0, 0.0, direction=2.0, offset=(0.1, 0.2, 0.3)))
     bench.axes[:] = 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0  # turned by 90 degrees
     assert np.array_equal(laws.point_of(bench.pushes, 0, 0), [-0.2, 0.1, 0.3])
-    forces = sum(bench() for _ in range(20))
+    forces = np.sum([bench() for _ in range(20)], axis=0)
     assert forces[:2] / math.hypot(*forces[:2]) == pytest.approx([math.cos(2.0), math.sin(2.0)])
     assert forces[2] == 0.0
 
@@ -455,7 +455,7 @@ def test_one_robot_is_as_many_and_each_kind_is_felt(traces, k):
     scenario = scenarios()[k]
     env = BipedEnv()
     env.reset(options={"scenario": scenario})
-    seen = []
+    seen, info = [], {}
     for _ in range(160):
         observation = env.unwrapped.episodes.core.observation
         info = env.step(POLICY.predict(observation)[0][0])[4]

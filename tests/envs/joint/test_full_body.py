@@ -313,6 +313,7 @@ def test_what_laboratories_use_is_felt_alike(arms):
     for _ in range(2):
         arms.begin(0, scenario)
         arms.begin(1, HOLD)
+        arms.begin(2, HOLD)
         seen = []
         for _ in range(60):
             arms.step(np.zeros((3, arms.action_size), np.float32))
