@@ -138,7 +138,8 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
 
     def more_info(self) -> dict[str, tuple[NDArray[Any], NDArray[np.bool_]]]:
         """What any robot has, and the impulse so far of those whose pushes follow laws, (n, 3) [N s]."""
-        felt, found = np.asarray(self.core.pushes.law != 0).any(axis=1), super().more_info()
+        found = super().more_info()
+        felt: Any = self.core.pushes.law.any(axis=1)
         if felt.any():
             found["delivered"] = self.core.pushes.delivered.sum(axis=1), felt
         return found
