@@ -138,9 +138,11 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
 
     def more_info(self) -> dict[str, tuple[NDArray[Any], NDArray[np.bool_]]]:
         """What any robot has, and the impulse so far of those whose pushes follow laws, (n, 3) [N s]."""
-        felt = self.core.pushes.law.any(axis=1)
-        found = {"delivered": (self.core.pushes.delivered.sum(axis=1), felt)} if felt.any() else {}
-        return super().more_info() | found
+        found = super().more_info()
+        felt: Any = self.core.pushes.law.any(axis=1)
+        if felt.any():
+            found["delivered"] = self.core.pushes.delivered.sum(axis=1), felt
+        return found
 
     def motion(self) -> Motion:
         """Steps, CoM, time and stance sides."""

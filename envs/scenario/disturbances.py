@@ -80,7 +80,7 @@ class Apparatus(Disturbance):
     """
 
     quantities: ClassVar[Quantities]
-    start: float | GaitEvent
+    start: Any  # seconds from reset, or a moment of the gait
 
     def __post_init__(self) -> None:
         kind = type(self).__name__

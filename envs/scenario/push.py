@@ -295,11 +295,12 @@ class Coupling(Law):
     def terms(self) -> CouplingTerms:
         """All its numbers."""
         open_ends = self.fastest, self.reach, self.limit, self.height
-        fastest, *bounds = (math.inf if value is None else value for value in open_ends)
+        fastest, reach, limit, height = (math.inf if value is None else value for value in open_ends)
         bits = AT_TOE * self.at_toe + BOUND * self.bound + STAYS * self.stays
         return CouplingTerms(
             0.0 if self.mass is None else 1.0 / self.mass, self.speed, self.gap, self.stiffness, self.damping,
-            self.restitution, self.drive, self.travel, fastest, self.acceleration, *bounds, float(bits),
+            self.restitution, self.drive, self.travel, fastest, self.acceleration, reach, limit, height,
+            float(bits),
         )  # fmt: skip
 
 

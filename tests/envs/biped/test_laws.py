@@ -125,7 +125,7 @@ def test_an_impactor_hits_along_its_direction_and_at_its_point():
     bench = Bench(Impactor(10.0, 2.0, 0.0, direction=2.0, offset=(0.1, 0.2, 0.3)))
     bench.axes[:] = 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0  # turned by 90 degrees
     assert np.array_equal(laws.point_of(bench.pushes, 0, 0), [-0.2, 0.1, 0.3])
-    forces = sum(bench() for _ in range(20))
+    forces = np.sum([bench() for _ in range(20)], axis=0)
     assert forces[:2] / math.hypot(*forces[:2]) == pytest.approx([math.cos(2.0), math.sin(2.0)])
     assert forces[2] == 0.0
 
@@ -455,7 +455,7 @@ def test_one_robot_is_as_many_and_each_kind_is_felt(traces, k):
     scenario = scenarios()[k]
     env = BipedEnv()
     env.reset(options={"scenario": scenario})
-    seen = []
+    seen, info = [], {}
     for _ in range(160):
         observation = env.unwrapped.episodes.core.observation
         info = env.step(POLICY.predict(observation)[0][0])[4]
@@ -522,3 +522,31 @@ def test_a_pendulum_refuses_what_it_does_not_have(part):
         match=rf"takes no {part.json_name}, only constant pushes and what is made of them, got",
     ):
         PendulumEpisodes(1).begin(0, Scenario("a", disturbances=(part,)))
+
+
+class Draws:
+    """A distribution of scenarios that are written down."""
+
+    def __init__(self, *scenarios):
+        self._next = iter(scenarios)
+
+    def sample(self, rng):
+        return next(self._next)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_info_of_a_vector_tells_it_where_a_law_is(first):
+    """At the end of an episode, and in the next one, either of which alone has a law."""
+    calm = Scenario("calm", duration=0.08)
+    hit = replace(calm, disturbances=(Impactor(10.0, 3.0, 0.0),))
+    envs = GaitVectorEnv(BipedEpisodes(2), autoreset_mode="SameStep")
+    envs.reset(options={"scenario": [hit if first else calm, calm]})
+    envs.push_distribution = Draws(calm if first else hit, calm)  # type: ignore[assignment]
+    nowhere, info = np.zeros(2, bool), {}
+    for _ in range(8):
+        info = envs.step(np.zeros((2, 7), np.float32))[4]
+    final = info["final_info"]
+    assert final.get("_delivered", nowhere).tolist() == [first, False]
+    assert info.get("_delivered", nowhere).tolist() == [not first, False]
+    if first:
+        assert np.linalg.norm(final["delivered"][0]) > 20.0
