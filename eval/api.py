@@ -117,7 +117,8 @@ def frontier(
         policies: as those of `evaluate`.
         directions: how many, counter-clockwise from forward.
         env: id of a gait environment.
-        grid: step of the force [N]; by default 10 on the pendulum, 20 elsewhere.
+        grid: least step of the force [N]; by default 40 for 60 kg and as much less for less, with one replica
+            10 on the pendulum, 20 elsewhere.
         duration: of the push [s].
         body: that is pushed.
         command: velocity that is walked at, or to stand.
@@ -132,7 +133,7 @@ def frontier(
     Raises:
         PushRecoveryError: unknown names, a directory of another configuration, a policy that can't act.
     """
-    step = scanning.default_grid(env) if grid is None else grid
+    step = scanning.default_grid(env, replicas) if grid is None else grid
     settings = scanning.FrontierSettings(
         env, step, duration, body, command, errors, profile, replicas, replica_seed
     )

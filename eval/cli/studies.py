@@ -1,4 +1,4 @@
-"""`push-recovery frontier`, `sensitivity`, `ceiling`, `corrections` and `reproduce`."""
+"""`push-recovery frontier`, `basin`, `sensitivity`, `ceiling`, `corrections` and `reproduce`."""
 
 import json
 from dataclasses import dataclass, field
@@ -22,7 +22,8 @@ class Frontier(EnvOptions, options.PushOptions, RunningOptions):
     directions: Count = field(default=16, metadata=within(1))
     """Number of directions, evenly spread, counter-clockwise from forward."""
     grid: options.RealOrNone = field(default=None, metadata=within(1, 1000))
-    """Least step between the forces that are tried [N] (by default 10 on the pendulum and 20 elsewhere)."""
+    """Least step between the forces that are tried [N] (by default 40 for 60 kg and as much less for less;
+    with one replica 10 on the pendulum and 20 elsewhere)."""
 
     def run(self) -> None:
         """Write picture and frontier.json, print the table or the object."""
@@ -31,7 +32,7 @@ class Frontier(EnvOptions, options.PushOptions, RunningOptions):
         from ..report import page
         from ..score import frontier as scan
 
-        settings = self.scanned(self.env_id, grid=self.grid or scan.default_grid(self.env_id))
+        settings = self.scanned(self.env_id, grid=self.grid or scan.default_grid(self.env_id, self.replicas))
         found = scan.frontier(
             settings, self.policies, self.directions, self.processes, self.directory, self.overwrite
         )
@@ -45,6 +46,26 @@ class Frontier(EnvOptions, options.PushOptions, RunningOptions):
         ]
         tables = filter(None, [report.frontier_table(found), report.replicas_table(found)])
         self.show(content, tables, lines)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Basin(EnvOptions, RunningOptions):
+    """Map the N-step capture basin, measured and by theory."""
+
+    policies: Policies = ("two-stage",)
+    points: Count = field(default=21, metadata=within(2, 400))
+    """Number of points along each axis of the grid of DCMs."""
+
+    def run(self) -> None:
+        """Run the kicks, print the table or the object, write reports and pictures."""
+        from ..score import basin
+
+        found = basin.basin(
+            self.env_id, self.policies, self.points, self.processes, self.directory, self.overwrite
+        )
+        pictures = ", ".join(map(str, basin.save_basin(found)))
+        lines = [f"report: {basin.write_basin_reports(found)}", f"pictures: {pictures}"]
+        self.show(found.to_dict(), [basin.basin_table(found)], lines)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -293,13 +293,14 @@ class Replicated:
         """Threshold, J50 and J95 with their intervals, first failure and islands."""
         tried = self._tried("recovered", row, control)
         j95, at, j50 = tried.estimates(SHARES)
-        clean = [force for force in tried.forces if force < (tried.first_failure or math.inf)]
+        first = tried.first_failure
+        clean = [force for force in tried.forces if first is None or force < first]
         any_recovers = tried.forces[tried.recovered.any(axis=1)]
         found = {
             "threshold_N": round(at.force, 3), "threshold_ci95": _ends(at),
             "survived_N": float(max(clean, default=0.0)),
             "largest_survived_N": float(max(any_recovers, default=0.0)),
-            "first_failure_N": tried.first_failure,
+            "first_failure_N": first,
             "islands": [{"force_N": force, "replicas": count} for force, count in tried.islands.items()],
             **self._impulse("J50", j50), **self._impulse("J95", j95),
         }  # fmt: skip
@@ -377,10 +378,20 @@ def _share(force: float, limit: float) -> float | None:
     return force / limit if limit > 0 else None
 
 
-def default_grid(env_id: str) -> float:
-    """The environment's own grid [N]; that of any gait environment where it names none."""
+CELL = 2.0 / 3.0  # of a grid of replicas, by the mass of the robot [N/kg]
+
+
+def default_grid(env_id: str, replicas: int = 1) -> float:
+    """The grid of an environment [N].
+
+    For one trajectory its own, or that of any gait environment where it names none. Of replicas, whose
+    thresholds lie between the forces, CELL times the robot's mass, to 10 N.
+    """
     with closing(make_env(env_id)) as env:
-        episodes = getattr(env.unwrapped, "episodes", None)
+        unwrapped: Any = env.unwrapped
+        if replicas > 1:
+            return max(10.0 * round(CELL * unwrapped.robot.mass / 10.0), 1.0)
+        episodes = getattr(unwrapped, "episodes", None)
         return float(getattr(episodes, "force_grid", GaitEpisodes.force_grid))
 
 

@@ -9,10 +9,14 @@ regression (Ayer et al. 1955), unpushed replicas first, and is linear between th
 threshold is where it comes down to 0.8. J50 and J95 are the impulses at which it is 0.5 and 0.95.
 
 Replica i begins its push in the i-th of N equal parts of the step. Such a stratified sample tells the share
-better than N phases at random, and a bootstrap that draws from all replicas would not know. The 95 % interval
-is one of half-samples instead: in each of 1000 draws one of every two neighbours in phase stands for both
-(McCarthy 1969, Pseudo-replication: half samples, Review of the International Statistical Institute 37,
-239-264), the pairs beginning with the first or the second replica; its ends are quantiles of the thresholds.
+better than N phases at random do: as well as N_e = N / d of those would, with the design effect
+
+    d = (1 + sum of (y_i - y_(i-1))^2) / (2 (N - 1)) / (p (1 - p))
+
+of neighbours in phase (Wolter 2007, Introduction to Variance Estimation, ch. 8), with one more change than
+was seen, since few are. Both sums go over the forces tried, of which those count most where p is near the
+share looked for. The 95 % interval of a force holds all at which Wilson's score interval of p, of N_e
+replicas, holds the share; the tests show how often it holds the truth.
 """
 
 import math
@@ -26,6 +30,7 @@ from numpy.typing import NDArray
 from ...controllers.errors import InvalidValueError
 from ...controllers.validation import require_integer
 from ...envs.scenario.scenario import StartOffset
+from ..output.statistics import Z
 from .draw import uniforms
 
 BEYOND = 100.0  # how far past the first failure a direction is scanned [N]
@@ -141,8 +146,7 @@ def draw_replicas(count: int, seed: int) -> tuple[Replica, ...]:
 RECOVERED_SHARE = 0.8  # of the replicas, at the threshold
 SHARES = (0.95, RECOVERED_SHARE, 0.5)  # at J95, the threshold and J50
 FIRST = 16  # cells of the grid in the first force that is tried
-DRAWS = 1000  # of half-samples
-LEVEL = 0.95  # of intervals
+NEAR = 0.1  # two shares this far apart tell half as much of one another, about
 
 
 def monotone(shares: Array) -> Array:
@@ -175,18 +179,11 @@ def force_at(forces: Array, shares: Array, share: float) -> Array:
     return np.where(enough > 0, found, 0.0)
 
 
-def half_samples(count: int, draws: int = DRAWS) -> Array:
-    """Weights (draws, count), each of sum 1: one of every two neighbours has the weight of both.
-
-    In every other draw the pairs begin with the second replica; one without a neighbour keeps its weight.
-    """
-    first = uniforms(np.random.PCG64(np.random.SeedSequence(count)), draws, -(-count // 2)) < 0.5
-    weights = np.ones((draws, count))
-    for offset in (0, 1):
-        left = np.arange(offset, count - 1, 2)
-        chosen = first[offset::2, : left.size]
-        weights[offset::2, left], weights[offset::2, left + 1] = 2.0 * chosen, 2.0 * ~chosen
-    return weights / count
+def score_band(shares: Array, replicas: float) -> tuple[Array, Array]:
+    """Wilson's 95 % score interval of each share among so many replicas, which need not be a whole number."""
+    square = Z**2 / replicas
+    middle, half = shares + 0.5 * square, np.sqrt(square * (shares * (1.0 - shares) + 0.25 * square))
+    return (middle - half) / (1.0 + square), (middle + half) / (1.0 + square)
 
 
 class Estimate(NamedTuple):
@@ -215,19 +212,28 @@ class Tried:
 
     @property
     def shares(self) -> Array:
-        """Share of replicas that recover, monotone, (L,)."""
-        return monotone(self.recovered.mean(axis=1))
+        """Share of replicas that recover, (L,): monotone, and no more of them than unpushed."""
+        shares = self.recovered.mean(axis=1)
+        return np.minimum(monotone(shares), shares[0])
 
     def estimates(self, shares: Iterable[float] = SHARES) -> list[Estimate]:
         """Forces up to which at least these shares recover."""
-        drawn = monotone(half_samples(self.recovered.shape[1]) @ self.recovered.T)
-        ends = (0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL))
         found = []
         for share in shares:
-            force = float(force_at(self.forces, self.shares, share))
-            low, high = np.quantile(force_at(self.forces, drawn, share), ends)
-            found.append(Estimate(force, min(float(low), force), max(float(high), force)))
+            bounds = self.shares, *score_band(self.shares, self.effective_replicas(share))
+            found.append(Estimate(*(float(force_at(self.forces, one, share)) for one in bounds)))
         return found
+
+    def effective_replicas(self, share: float) -> float:
+        """N_e near a share, at least N."""
+        count, mean = self.recovered.shape[1], self.recovered.mean(axis=1)
+        mixed, spread = (mean > 0.0) & (mean < 1.0), mean * (1.0 - mean)
+        near = np.exp(-np.abs(self.shares - share) / NEAR) * mixed
+        changes = np.count_nonzero(np.diff(self.recovered, axis=1), axis=1)
+        if not mixed.any():
+            return float(count)
+        effect = near @ (1.0 + changes) / (2.0 * (count - 1)) / (near @ spread)
+        return count / min(effect, 1.0)
 
     @property
     def first_failure(self) -> float | None:
