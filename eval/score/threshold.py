@@ -4,9 +4,10 @@ One trajectory says little: another phase of the step, a start a millimetre asid
 largest force survived is another one, at times an island of resonance. So each force is tried on N replicas
 that differ in the three, and the same N for every force, direction and policy (common random numbers).
 
-With y_i(F) = 1 where replica i recovers from F, the share p(F) = mean y_i(F) is made monotone by isotonic
-regression (Ayer et al. 1955), unpushed replicas first, and is linear between the forces that were tried. The
-threshold is where it comes down to 0.8. J50 and J95 are the impulses at which it is 0.5 and 0.95.
+With y_i(F) = 1 where replica i recovers from F, p(F) is the smallest share mean y_i(F') of all F' up to F
+that were tried, unpushed replicas first, and linear between them: so a threshold does not lie beyond a hole,
+however many recover from harder pushes. The threshold is where p comes down to 0.8. J50 and J95 are the
+impulses at which it is 0.5 and 0.95.
 
 Replica i begins its push in the i-th of N equal parts of the step. Such a stratified sample tells the share
 better than N phases at random do: as well as N_e = N / d of those would, with the design effect
@@ -149,22 +150,6 @@ FIRST = 16  # cells of the grid in the first force that is tried
 NEAR = 0.1  # two shares this far apart tell half as much of one another, about
 
 
-def monotone(shares: Array) -> Array:
-    """Isotonic regression (..., L) of shares (..., L) of equal weight, falling along the last axis.
-
-    p_i = min over l <= i of max over j >= i of mean(y_l ... y_j): the falling sequence nearest in squares,
-    and of the binomial likelihood (Barlow et al. 1972).
-    """
-    levels = shares.shape[-1]
-    sums = np.concatenate([np.zeros((*shares.shape[:-1], 1)), np.cumsum(shares, axis=-1)], axis=-1)
-    first, last = np.triu_indices(levels)
-    means = np.full((*shares.shape[:-1], levels, levels), -np.inf)
-    means[..., first, last] = (sums[..., last + 1] - sums[..., first]) / (last + 1 - first)
-    best = np.maximum.accumulate(means[..., ::-1], axis=-1)[..., ::-1]  # [l, i]: the largest over j >= i
-    best[..., *np.tril_indices(levels, -1)] = np.inf
-    return best.min(axis=-2)
-
-
 def force_at(forces: Array, shares: Array, share: float) -> Array:
     """Largest force (...) up to which falling shares (..., L) at forces (L,) are at least `share` [N].
 
@@ -212,9 +197,8 @@ class Tried:
 
     @property
     def shares(self) -> Array:
-        """Share of replicas that recover, (L,): monotone, and no more of them than unpushed."""
-        shares = self.recovered.mean(axis=1)
-        return np.minimum(monotone(shares), shares[0])
+        """The smallest share of replicas that recovers from any force up to this one, (L,)."""
+        return np.minimum.accumulate(self.recovered.mean(axis=1))
 
     def estimates(self, shares: Iterable[float] = SHARES) -> list[Estimate]:
         """Forces up to which at least these shares recover."""
@@ -271,7 +255,7 @@ def search(run: Callable[[float], T], wanted: Callable[[T], Wanted], grid: float
     """Outcomes of the forces of a grid [N] that are needed to find some shares to one cell, in rising order.
 
     `coarse_forces` are tried until fewer recover than the least share, and those up to BEYOND more; then each
-    interval in which the monotone share comes down to one of the shares is halved until it is one cell. One
+    interval in which p comes down to one of the shares is halved until it is one cell. One
     force is tried at a time, so what comes out depends on the outcomes alone.
 
     Args:

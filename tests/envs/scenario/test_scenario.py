@@ -385,9 +385,7 @@ def test_a_robot_begins_beside_its_nominal_start(name, command):
     (com, seen), (beside, leaning), (_, mirrored) = found
     assert beside - com == pytest.approx(START.com, abs=1e-9)
     assert leaning[TRUNK_ANGLE] == pytest.approx(START.lean, abs=1e-4)
-    assert leaning[SWING_POSITION] == pytest.approx(
-        seen[SWING_POSITION], abs=1e-9
-    )  # the feet as they were
+    assert leaning[SWING_POSITION] == pytest.approx(seen[SWING_POSITION], abs=1e-9)  # the feet as they were
     assert leaning[DCM] - seen[DCM] == pytest.approx(START.com, abs=1e-9)
     assert mirrored == pytest.approx(leaning, abs=1e-9)
     env.close()

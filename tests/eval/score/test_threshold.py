@@ -1,7 +1,7 @@
 """Scans on hand-written outcomes, thresholds on curves whose truth is known, and the draw of replicas."""
 
 import math
-from itertools import count, islice, pairwise
+from itertools import count, islice
 
 import numpy as np
 import pytest
@@ -82,21 +82,14 @@ def test_impossible_replicas_are_refused(count, seed, words):
         scans.draw_replicas(count, seed)
 
 
-def test_the_monotone_sequence_is_the_nearest_falling_one():
-    """By the conditions of the optimum: blocks of equal values are means, and no block can be split."""
-    rng = np.random.default_rng(1)
-    for shares in (*rng.random((50, 9)), np.linspace(0, 1, 9), np.linspace(1, 0, 9)):
-        found = scans.monotone(shares)
-        assert (np.diff(found) <= 1e-12).all()
-        edges = [0, *(np.flatnonzero(np.diff(found) < -1e-12) + 1), len(shares)]
-        for first, end in pairwise(edges):
-            block = shares[first:end]
-            assert np.allclose(found[first:end], block.mean())
-            heads = np.cumsum(block) / np.arange(1, len(block) + 1)
-            assert (heads <= block.mean() + 1e-12).all()  # else its head would stand above its tail
-    assert np.array_equal(
-        scans.monotone(np.array([[1.0, 0.0, 1.0], [0.5, 0.5, 0.0]])), [[1.0, 0.5, 0.5], [0.5, 0.5, 0.0]]
-    )
+def test_a_threshold_does_not_lie_beyond_a_hole():
+    """At 20 N a third of the replicas fail that recover again from 30 N."""
+    found = tried("1" * 12, "1" * 12, "1" * 8 + "0" * 4, "1" * 12, "0" * 12)
+    assert found.shares.tolist() == [1.0, 1.0, 8 / 12, 8 / 12, 0.0]
+    (estimate,) = found.estimates((0.8,))
+    assert estimate.force == pytest.approx(10.0 + 10.0 * 0.2 * 12 / 4)
+    (half,) = found.estimates((0.5,))
+    assert half.force == pytest.approx(30.0 + 10.0 * (8 / 12 - 0.5) / (8 / 12))
 
 
 def test_a_share_is_reached_between_two_forces_by_their_straight_line():
