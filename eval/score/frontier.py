@@ -168,15 +168,15 @@ def _fall(force: float, outcome: Outcome, **more: int) -> Row:
 class Nominal:
     """One trajectory: the force rises by the grid until BEYOND past the first fall."""
 
-    fields: ClassVar = ("survived_N", "largest_survived_N", "failed_N", "falls")
-    headline: ClassVar = "survived_N"
-    share: ClassVar = "own_fraction"
-    told: ClassVar = "largest force before the first failure"
-    brackets: ClassVar = (
+    fields: ClassVar[tuple[str, ...]] = ("survived_N", "largest_survived_N", "failed_N", "falls")
+    headline: ClassVar[str] = "survived_N"
+    share: ClassVar[str] = "own_fraction"
+    told: ClassVar[str] = "largest force before the first failure"
+    brackets: ClassVar[str] = (
         "In brackets the share of F* of the robot's own box, that of the paper's (its Tables I and II), and "
         "the largest force survived at all where that is more."
     )
-    control: ClassVar = False
+    control: ClassVar[bool] = False
     settings: FrontierSettings
 
     @property
@@ -235,15 +235,15 @@ class Nominal:
 class Replicated:
     """Replicas: the force up to which RECOVERED_SHARE of them recover, and what else their outcomes say."""
 
-    fields: ClassVar = ("forces_N", "recovered", "falls")
-    headline: ClassVar = "threshold_N"
-    share: ClassVar = "threshold_fraction"
-    told: ClassVar = f"force up to which {RECOVERED_SHARE:g} of the replicas recover"
-    brackets: ClassVar = (
+    fields: ClassVar[tuple[str, ...]] = ("forces_N", "recovered", "falls")
+    headline: ClassVar[str] = "threshold_N"
+    share: ClassVar[str] = "threshold_fraction"
+    told: ClassVar[str] = f"force up to which {RECOVERED_SHARE:g} of the replicas recover"
+    brackets: ClassVar[str] = (
         "In brackets the 95 % interval, and the share of F* of the robot's own box: of the force that is "
         f"within it at {RECOVERED_SHARE:g} of the phases of the push. Unpushed: how many replicas recover."
     )
-    control: ClassVar = True
+    control: ClassVar[bool] = True
     settings: FrontierSettings
 
     @property
