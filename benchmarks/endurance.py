@@ -32,14 +32,8 @@ from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenari
 from push_recovery.eval.output.rows import RowFile
 from push_recovery.eval.rollout.environments import code_digest
 from push_recovery.eval.rollout.episodes import rollout_batch
-from push_recovery.eval.score.frontier import (
-    BEYOND,
-    FrontierSettings,
-    Scanned,
-    directions_deg,
-    multiples,
-    scan_upwards,
-)
+from push_recovery.eval.score.frontier import FrontierSettings
+from push_recovery.eval.score.threshold import BEYOND, Scanned, directions_deg, multiples, scan_upwards
 
 COMMAND_EVERY, PUSH_EVERY = 5.0, 3.0  # [s]
 PHASE = 0.6  # a push comes up to this much later: longer than a step [s]

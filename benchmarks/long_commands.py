@@ -93,9 +93,10 @@ COMMANDS = {
     ),
     "compare": LongCommand(("compare", "stage-1", "fixed-time", "--suite", "HARD")),
     "frontier": LongCommand(
-        ("frontier", *PENDULUM, "--policies", "stage-1", "two-stage", "--directions", "6"),
+        ("frontier", *PENDULUM, "--policies", "stage-1", "two-stage", "--directions", "6", "--replicas", "4"),
         kept=("**/outcomes.jsonl", "frontier.json"),
     ),
+    "basin": LongCommand(("basin", *PENDULUM, "--policies", "stage-1", "two-stage")),
     "ceiling": LongCommand(("ceiling", "--suite", "HARD", "--policies", "fixed-time", *SEARCH)),
     "reproduce": LongCommand(("reproduce", "limits"), kept=("**/outcomes.jsonl", "reproduction.json")),
     "tune": LongCommand(

@@ -3,8 +3,9 @@
     python benchmarks/robot_variants.py [--only held] [--directions 8] [--grid 100] [--seconds 60]
 
 A push of 0.1 s acts on the pelvis at the start of a left stance after four nominal steps, in place, as in
-`push-recovery frontier`; the largest force that is survived before the first fall counts. The bar is half of
-the biped's own in every direction. Exits with 1 where a variant falls while it walks or stays below the bar.
+`push-recovery frontier --replicas 1`; the largest force that is survived before the first fall counts. The
+bar is half of the biped's own in every direction. Exits with 1 where a variant falls while it walks or stays
+below the bar.
 """
 
 import argparse

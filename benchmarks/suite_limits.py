@@ -17,7 +17,7 @@ from push_recovery.controllers.model.capturability import capture_margin
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.score.frontier import pushed_start
+from push_recovery.eval.score.limits import pushed_start
 from push_recovery.eval.score.report import groups_of
 from push_recovery.eval.score.suites import get_suite
 

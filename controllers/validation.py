@@ -69,6 +69,14 @@ def require_vector(name: str, value: object, largest: float = math.inf) -> tuple
     return (x, y, z)
 
 
+def require_pair(name: str, value: object, largest: float = math.inf) -> tuple[float, float]:
+    """Two finite floats, each within +-`largest`, as a tuple; no -0.0."""
+    if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray) or len(value) != 2:
+        raise InvalidValueError(f"{name} must have 2 entries, got {shown(value)}")
+    first, second = (require_number(f"{name}[{i}]", one, -largest, largest) for i, one in enumerate(value))
+    return first + 0.0, second + 0.0
+
+
 def require_keys(kind: str, data: object, required: set[str], optional: set[str]) -> Mapping[str, Any]:
     """A mapping with all required keys and no unknown one."""
     if not isinstance(data, Mapping):

@@ -67,7 +67,8 @@ def take_rows(arrays: Arrays, k: int, n: int) -> Arrays:
     return rows
 
 
-SAME = ("command", "stance_side", "noise_seed", "errors", "physics", "sensing", "jumps")  # of the walk so far
+# Fields of the walk so far
+SAME = ("command", "stance_side", "noise_seed", "errors", "physics", "sensing", "jumps", "start")
 START, NEXT_CHANGE = "pushes.start", "schedule.next"
 STEPS, ELAPSED, PLAN = "gait.steps", "gait.elapsed", "gait.plan"
 

@@ -10,7 +10,7 @@ from ..envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..envs.scenario.push import Body
 from ..envs.scenario.scenario import Command, Scenario
 from .ceiling import with_ceiling
-from .rollout import DEFAULT_ENV, TABLE_ARMS, environments, policy_source
+from .rollout import DEFAULT_ENV, REPLICAS, TABLE_ARMS, environments, policy_source
 from .rollout.episodes import rollout as run_episode
 from .rollout.outcome import Outcome
 from .score import evaluate as scoring
@@ -101,25 +101,31 @@ def frontier(
     command: Command = Command(),  # noqa: B008  # frozen
     errors: ModelErrors = EXACT_MODEL,
     profile: str = "exact",
+    replicas: int = REPLICAS,
+    replica_seed: int = 0,
     workers: int = 1,
     out: str | PathLike[str] | None = None,
     overwrite: bool = False,
 ) -> scanning.Frontier:
-    """Scan the force of a push by direction, at the start of a left stance after four nominal steps.
+    """Find the largest push that is recovered from, by direction, on a left stance after four nominal steps.
 
-    Under `Command(stand=True)` the robot is pushed at rest on both feet, and what it catches without a step
-    is found, too.
+    Each force is tried on replicas; the threshold is the force up to which 0.8 of them recover. Under
+    `Command(stand=True)` the robot is pushed at rest on both feet, and what it catches without a step is
+    found, too.
 
     Args:
         policies: as those of `evaluate`.
         directions: how many, counter-clockwise from forward.
         env: id of a gait environment.
-        grid: step of the force [N]; by default 10 on the pendulum, 20 elsewhere.
+        grid: least step of the force [N]; by default 40 for 60 kg and as much less for less, with one replica
+            10 on the pendulum, 20 elsewhere.
         duration: of the push [s].
         body: that is pushed.
         command: velocity that is walked at, or to stand.
         errors: what robot and floor are off from the planner's model.
         profile: of the robot, "exact", "hardware" or "weighed"; `errors` stand where both say something.
+        replicas: how many, which differ in phase of the step, start and noise; 1: the nominal trajectory.
+        replica_seed: that they are drawn from.
         workers: processes, see `evaluate`.
         out: directory of the results; by default one under runs/ named after the configuration.
         overwrite: start over where the directory holds results.
@@ -127,8 +133,10 @@ def frontier(
     Raises:
         PushRecoveryError: unknown names, a directory of another configuration, a policy that can't act.
     """
-    step = scanning.default_grid(env) if grid is None else grid
-    settings = scanning.FrontierSettings(env, step, duration, body, command, errors, profile)
+    step = scanning.default_grid(env, replicas) if grid is None else grid
+    settings = scanning.FrontierSettings(
+        env, step, duration, body, command, errors, profile, replicas, replica_seed
+    )
     directory = None if out is None else Path(out)
     return scanning.frontier(settings, policies, directions, workers, directory, overwrite)
 

@@ -189,6 +189,49 @@ def recoverable_offset(
     return OffsetBounds(bounds[LOW : LOW + 2], bounds[HIGH : HIGH + 2])
 
 
+def n_step_offset(
+    robot: RobotModel,
+    limits: GaitLimits,
+    steps: int,
+    elapsed: float = 0.0,
+    *,
+    foot: bool = True,
+    flywheel: bool = True,
+) -> OffsetBounds:
+    """Bounds of the DCM from which at most `steps` steps bring it to where CoP and trunk alone catch it.
+
+    The N-step capture basin of Koolen et al. (2012), Int. J. of Robotics Research 31, for a sole, a step box
+    and an upright trunk. With lambda = exp(omega T_min) and r left until the earliest touchdown,
+
+        x_N = f_x + B + exp(-omega r) L_max (1 + 1 / lambda + ... + 1 / lambda^(N - 1)),
+        h_N = max(0, (w_max - g_(N-1)) / lambda),  g_N = min(0, (w_min - h_(N-1)) / lambda),  h_0 = g_0 = 0,
+
+    and sideways f_y + B + h_N and -f_y - B + g_N, the first of the N steps with exp(-omega r) for 1 / lambda.
+    It tends to `recoverable_offset` from within. Where the narrowest step is wider than c, that of a robot
+    which has to step for ever, it is wider instead.
+
+    Args:
+        robot: physical constants.
+        limits: step box and sole.
+        steps: at most; 0: the foot stays.
+        elapsed: since the step began [s].
+        foot: whether the CoP may leave the centre of the sole.
+        flywheel: whether the trunk may be accelerated.
+    """
+    c = constants_of(capture_constants(robot, limits, foot, flywheel))
+    growth, soon = math.exp(c.omega * c.duration_min), math.exp(-c.omega * max(c.duration_min - elapsed, 0.0))
+    low, high = np.zeros(2), np.zeros(2)  # without sole and trunk
+    for left in range(steps, 0, -1):
+        share = soon if left == 1 else 1.0 / growth
+        ahead, back = c.length_max + high[0], c.length_min + low[0]
+        wide, narrow = c.width_max - low[1], c.width_min - high[1]
+        high = share * np.array([ahead, max(wide, 0.0)])
+        low = share * np.array([back, min(narrow, 0.0)])
+    still = np.array([c.cop_x_max, c.cop_y_max])
+    still += [trunk_reserve(0.0, 0.0, push, c) for push in (c.trunk_pitch_max, c.trunk_roll_max)]
+    return OffsetBounds(low - still, high + still)
+
+
 def capture_margin(
     robot: RobotModel,
     limits: GaitLimits,

@@ -318,6 +318,7 @@ class BipedCore:
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
         """Put robot k at the start of a nominal step, feet level and at rest, pelvis and trunk upright.
 
+        Where the scenario has a start of its own, CoM and trunk are beside the nominal ones by that.
         `gait` (7,) and `action` (7,) are the nominal step's, which count as the previous ones. The posture is
         that of the nominal robot, each sole flat on the floor; model errors act from here on.
         """
@@ -328,9 +329,11 @@ class BipedCore:
         soles[1 - stance, :2] = start.swing[0], sign * start.swing[1]
         for sole in soles:
             sole[2] = self._floor_height(k, scenario, sole[0], sole[1])
-        com = np.array([start.com[0], sign * start.com[1], soles[stance, 2] + self.robot.com_height])
+        x, y = scenario.start.com
+        height = soles[stance, 2] + self.robot.com_height
+        com = np.array([start.com[0] + x, sign * start.com[1] + y, height])
         velocity = np.array([start.com_velocity[0], sign * start.com_velocity[1], 0.0])
-        qpos, qvel = self._posture(com, velocity, soles)
+        qpos, qvel = self._posture(com, velocity, soles, scenario.start.lean)
         if self.senses.of(k):
             sensors = self.senses.last.sensors
             sensors.seed[k], sensors.side[k] = counter_seed(scenario.noise_seed), stance
@@ -353,9 +356,11 @@ class BipedCore:
         kind = self.senses.of(k)
         self._calls[kind].finish(self._tables[kind][0], self.constants, k, k + 1)
 
-    def _posture(self, com: Array, velocity: Array, soles: Array) -> tuple[Array, Array]:
-        """Where a robot begins: CoM (3,) [m], its velocity (3,) [m/s], soles (2, 3) [m] to qpos and qvel."""
-        return posture(self.body, com, velocity, soles)
+    def _posture(
+        self, com: Array, velocity: Array, soles: Array, lean: tuple[float, float]
+    ) -> tuple[Array, Array]:
+        """Where a robot begins: CoM, its velocity (3,) [m/s], soles (2, 3) [m] and lean to qpos and qvel."""
+        return posture(self.body, com, velocity, soles, lean)
 
     def _floor_height(self, k: int, scenario: Scenario, x: float, y: float) -> float:
         """Height of a sole of robot k that lies at (x, y): the highest of the floor at its corners [m]."""

@@ -125,19 +125,36 @@ def _correct(com, found, soles, leg, first, pelvis, qpos):  # pragma: no cover
     return error
 
 
+UPRIGHT = 0.0, 0.0  # lean [rad]
+
+
+def leaning(lean: tuple[float, float]) -> Array:
+    """Quaternion (4,) of a body that leans forward and to the left [rad], a turn about (-left, forward)."""
+    quat, forward, left = np.empty(4), *lean
+    angle = math.hypot(forward, left)
+    axis = np.array([-left, forward, 0.0]) / angle if angle else np.zeros(3)
+    mujoco.mju_axisAngle2Quat(quat, axis, angle)
+    return quat
+
+
 def posture(
-    robot: CompiledRobot, com: Array, com_velocity: Array, soles: NDArray[np.float64]
+    robot: CompiledRobot,
+    com: Array,
+    com_velocity: Array,
+    soles: NDArray[np.float64],
+    lean: tuple[float, float] = UPRIGHT,
 ) -> tuple[Array, Array]:
-    """Joint coordinates and velocities of an upright robot on two soles at rest.
+    """Joint coordinates and velocities of a robot on two soles at rest.
 
     Args:
         robot: whose posture it is.
         com: CoM in the world, (3,) [m].
         com_velocity: (3,) [m/s].
         soles: centres of the left and right sole, (2, 3) [m], both level and at heading 0.
+        lean: of pelvis and trunk, forward and to the left [rad].
 
     Returns:
-        qpos and qvel as MuJoCo has them: pelvis and trunk upright and not turning, both soles at rest.
+        qpos and qvel as MuJoCo has them: pelvis and trunk upright or leaning, not turning, the soles at rest.
 
     Raises:
         InvalidValueError: the legs do not reach.
@@ -145,9 +162,9 @@ def posture(
     data, indices = robot.scratch(), robot.indices
     com, soles = (np.array(value, dtype=np.float64) for value in (com, soles))
     soles[:, 2] -= SUNK
-    geometry = leg_geometry_of(robot)
+    geometry = leg_geometry_of(robot) if lean == UPRIGHT else None
     data.qpos[:] = 0.0
-    data.qpos[list(indices.qpos[:7])] = *(com - GUESS), 1.0, 0.0, 0.0, 0.0
+    data.qpos[list(indices.qpos[:7])] = *(com - GUESS), *leaning(lean)
     put_held(robot.model, robot.plan, data)
     if geometry is None:
         _bend(robot, data)

@@ -37,7 +37,7 @@ from ...controllers.whole_body.limits import JOINT_TORQUE, Bounds, write_torque_
 from ...controllers.whole_body.swing import TURN
 from ..biped.env import BipedConfig, BipedEnv
 from ..biped.period import Actuation, Arena, Controller, Felt, Plant, Tables
-from ..biped.posture import SUNK, posture
+from ..biped.posture import SUNK, leaning, posture
 from ..episode.episodes import Period
 from ..episode.recovery import SPEED_TOLERANCE
 from ..episode.vector_env import vector_maker
@@ -286,10 +286,12 @@ class FullBodyCore(JointCore):
             start = standing_start(self.robot.pelvis_width, self.stride)
         super().reset(k, scenario, start, gait, action)
 
-    def _posture(self, com: Array, velocity: Array, soles: Array) -> tuple[Array, Array]:
+    def _posture(
+        self, com: Array, velocity: Array, soles: Array, lean: tuple[float, float]
+    ) -> tuple[Array, Array]:
         if self.stride:
-            return posture(self.body, com, np.zeros(3), soles)
-        return posed(self.body, self.drives.posture, soles), np.zeros(self.body.model.nv)
+            return posture(self.body, com, np.zeros(3), soles, lean)
+        return posed(self.body, self.drives.posture, soles, lean), np.zeros(self.body.model.nv)
 
 
 def joint_inertia(body: CompiledRobot) -> Array:
@@ -299,11 +301,14 @@ def joint_inertia(body: CompiledRobot) -> Array:
     return np.array([0.0 if dof == MISSING else inertia[dof] for dof in dofs])
 
 
-def posed(body: CompiledRobot, angles: Array, soles: Array) -> Array:
-    """Coordinates of an upright robot in a posture, over the middle of soles (2, 3) [m] and on them."""
+def posed(body: CompiledRobot, angles: Array, soles: Array, lean: tuple[float, float] = (0.0, 0.0)) -> Array:
+    """Coordinates of a robot in a posture, over the middle of soles (2, 3) [m] and on them.
+
+    As a whole it is upright, or leans forward and to the left [rad], on an edge of its soles.
+    """
     data, indices = mujoco.MjData(body.model), body.indices
     places = (*indices.qpos[JOINT:], *indices.held_qpos)
-    data.qpos[list(indices.qpos[:JOINT])] = 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
+    data.qpos[list(indices.qpos[:JOINT])] = 0.0, 0.0, 0.0, *leaning(lean)
     for place, angle in zip(places, angles, strict=True):
         if place != MISSING:
             data.qpos[place] = angle

@@ -174,7 +174,8 @@ class PendulumCore:
             field[k] = 0
         s.side[k] = SIDES.index(scenario.stance_side)
         sign = layout.side_sign(s.side[k])
-        s.com[k] = start.com[0], sign * start.com[1]
+        (x, y), lean = scenario.start.com, scenario.start.lean
+        s.com[k], s.angle[k] = (start.com[0] + x, sign * start.com[1] + y), lean
         s.velocity[k] = start.com_velocity[0], sign * start.com_velocity[1]
         s.lift[k] = start.swing[0], sign * start.swing[1]
         s.plan[k] = gait

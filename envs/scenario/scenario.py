@@ -19,6 +19,7 @@ from ...controllers.validation import (
     require_integer,
     require_kind,
     require_number,
+    require_pair,
 )
 from .disturbances import read_disturbance
 from .model_errors import EXACT_MODEL, PLAIN_PHYSICS, ModelErrors, PhysicsOptions
@@ -64,6 +65,39 @@ class Command(JsonRecord):
 
 
 IN_PLACE, AT_REST = Command(), Command(stand=True)
+SHIFT_MAX, LEAN_MAX = 0.05, 0.1  # of a start beside the nominal one [m], [rad]
+
+
+@dataclass(frozen=True)
+class StartOffset(JsonRecord):
+    """How far a robot begins beside its nominal start, its feet where they belong: (forward, left) each.
+
+    The trunk of a pendulum leans; that of another robot does together with its pelvis.
+    """
+
+    json_name, left_out = "start", None
+
+    com: tuple[float, float] = (0.0, 0.0)  # [m]
+    lean: tuple[float, float] = (0.0, 0.0)  # [rad]
+
+    def __post_init__(self) -> None:
+        self._set(
+            com=require_pair("StartOffset.com [m]", self.com, SHIFT_MAX),
+            lean=require_pair("StartOffset.lean [rad]", self.lean, LEAN_MAX),
+        )
+
+    def mirrored(self) -> StartOffset:
+        """Shift and lean to the left negated."""
+        (x, y), (forward, left) = self.com, self.lean
+        return StartOffset((x, -y), (forward, -left))
+
+    def scaled(self, scale: Similarity) -> StartOffset:
+        """The same start for a robot of another size."""
+        x, y = self.com
+        return StartOffset((x * scale.length, y * scale.length), self.lean)
+
+
+NOMINAL_START = StartOffset()
 
 
 @dataclass(frozen=True)
@@ -115,7 +149,7 @@ class Scenario(JsonRecord):
     """
 
     json_name = "scenario"
-    left_out = ("errors", "changes", "physics", "sensing", "kicks", "disturbances", "stride")
+    left_out = ("errors", "changes", "physics", "sensing", "kicks", "disturbances", "stride", "start")
 
     id: str
     pushes: tuple[Push, ...] = ()
@@ -131,6 +165,7 @@ class Scenario(JsonRecord):
     kicks: tuple[Kick, ...] = ()  # jumps of the velocity
     disturbances: tuple[Disturbance, ...] = ()  # of kinds made of pushes and kicks
     stride: float = 0.0  # how far ahead of the stance foot the other one stands at first, of a stander [m]
+    start: StartOffset = NOMINAL_START  # beside the nominal one
 
     def __post_init__(self) -> None:
         if not isinstance(self.id, str) or not self.id:
@@ -155,6 +190,7 @@ class Scenario(JsonRecord):
                 f"only a robot that stands begins astride: Scenario.stride must be 0 m without "
                 f"Command(stand=True), got {self.stride:g}"
             )
+        require_kind("Scenario.start", self.start, StartOffset)
         for before, change in pairwise(self.changes):
             if change.time <= before.time:
                 raise InvalidValueError(
@@ -199,6 +235,7 @@ class Scenario(JsonRecord):
             command=self.command.mirrored(),
             stance_side=other_side(self.stance_side),
             errors=self.errors.mirrored(),
+            start=self.start.mirrored(),
             **{name: tuple(part.mirrored() for part in getattr(self, name)) for name in _LISTS},
         )
 
@@ -211,6 +248,7 @@ class Scenario(JsonRecord):
             duration=None if self.duration is None else self.duration * scale.time,
             errors=self.errors.scaled(scale),
             stride=self.stride * scale.length,
+            start=self.start.scaled(scale),
             **{name: tuple(part.scaled(scale) for part in getattr(self, name)) for name in _LISTS},
         )
 
@@ -238,7 +276,7 @@ class Scenario(JsonRecord):
 _LISTS: dict[str, Any] = {
     "pushes": Push, "changes": CommandChange, "kicks": Kick, "disturbances": Disturbance
 }  # fmt: skip
-_OBJECTS = {"command": Command, "errors": ModelErrors, "physics": PhysicsOptions}
+_OBJECTS = {"command": Command, "errors": ModelErrors, "physics": PhysicsOptions, "start": StartOffset}
 
 
 def _all_of(name: str, values: object, kind: type) -> tuple[Any, ...]:

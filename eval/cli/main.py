@@ -25,8 +25,11 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
     "compare": (".score", "Compare",
                 "Compare two policies on the same pushes: exact McNemar test and score interval."),
     "frontier": (".studies", "Frontier",
-                 "Find the largest recoverable push in each direction, at the start of a left stance after "
-                 "four nominal steps."),
+                 "Find the largest push in each direction that 0.8 of replicas recover from: on a left "
+                 "stance after four nominal steps, at any phase, with another start and noise each."),
+    "basin": (".studies", "Basin",
+              "Map from which DCM how many steps bring a robot to where it need not step, beside theory: the "
+              "N-step capture basin."),
     "sensitivity": (".studies", "Sensitivity",
                     "Run a sample of a suite under other solvers, time steps, contacts, losses and "
                     "delays: what its outcomes depend on."),

@@ -20,7 +20,7 @@ from ...envs.scenario.model_errors import ModelErrors
 from ...envs.scenario.push import Body
 from ...envs.scenario.scenario import Command
 from ..output.tables import Table
-from ..rollout import DEFAULT_ENV, SUITE_NAMES, default_workers
+from ..rollout import DEFAULT_ENV, REPLICAS, SUITE_NAMES, default_workers
 
 SUITES_TEXT = f"Suite of pushes: {', '.join(SUITE_NAMES)}, or a JSON file."
 POLICIES_TEXT = "Policies to run: names (see list), policy files, or MODULE:ATTRIBUTE."
@@ -209,13 +209,18 @@ class PushOptions(RobotOptions):
     """Duration of the push [s]."""
     body: Body = "pelvis"
     """The body that is pushed."""
+    replicas: Count = field(default=REPLICAS, metadata=within(1, 4096))
+    """Number of replicas of a push, which differ in phase of the step, start (1 mm, 1 degree) and noise; 1:
+    the nominal trajectory, pushed at the start of a step."""
+    replica_seed: Count = field(default=0, metadata=within(0))
+    """Seed that the replicas are drawn from."""
 
-    def scanned(self, env_id: str, **grid: float) -> Any:
-        """The frontier's push with these options; of another grid [N] where one is given."""
+    def scanned(self, env_id: str, **more: Any) -> Any:
+        """The frontier's push with these options, and with others of `FrontierSettings`."""
         from ..score.frontier import FrontierSettings
 
         return FrontierSettings(
             env_id, duration=self.duration, body=self.body,
             command=Command(self.vx, self.vy, stand=self.stand), errors=self.model_errors,
-            profile=self.profile, **grid,
+            profile=self.profile, replicas=self.replicas, replica_seed=self.replica_seed, **more,
         )  # fmt: skip

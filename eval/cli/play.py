@@ -15,7 +15,17 @@ from ...envs.scenario.push import polar_push
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, about, progress_bars
 from . import options
-from .options import Count, EnvOptions, NameOrFile, PolicyName, PushOptions, Real, RealOrNone, within
+from .options import (
+    Count,
+    CountOrNone,
+    EnvOptions,
+    NameOrFile,
+    PolicyName,
+    PushOptions,
+    Real,
+    RealOrNone,
+    within,
+)
 
 FORCE = 200.0  # of a push of which nothing is said [N]
 
@@ -34,6 +44,8 @@ class Play(EnvOptions, PushOptions):
     """Impulse of the push by the robot's mass [N s/kg], in place of its force."""
     psi: Real = field(default=0.0, metadata=within(-360, 360))
     """Direction of the push [deg]: 0 is forward, 90 to the left, 180 backward, 270 to the right."""
+    replica: CountOrNone = field(default=None, metadata=within(0))
+    """Number of a replica of the push, as `frontier` runs them (by default the nominal trajectory)."""
     suite: NameOrFile = None
     """Take the push from this suite instead."""
     scenario: Annotated[str | None, arg(metavar="ID", help_behavior_hint="")] = None
@@ -98,8 +110,10 @@ class Play(EnvOptions, PushOptions):
                 raise UnknownNameError(f"scenario of suite {suite.name}", self.scenario, some)
             return found[self.scenario]
         force = self._force()
-        scenario = self.scanned(self.env_id).scenario(self.psi, force)
-        return replace(scenario, id=f"push-{force:g}N-{self.psi:g}deg")
+        settings, name = self.scanned(self.env_id), f"push-{force:g}N-{self.psi:g}deg"
+        if self.replica is None:
+            return replace(settings.scenario(self.psi, force), id=name)
+        return replace(settings.replicated(self.psi, force, self.replica), id=f"{name}-{self.replica}")
 
     def _force(self) -> float:
         """The force of the push [N], by whichever of the three options says how hard it is."""

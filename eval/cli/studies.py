@@ -1,4 +1,4 @@
-"""`push-recovery frontier`, `sensitivity`, `ceiling`, `corrections` and `reproduce`."""
+"""`push-recovery frontier`, `basin`, `sensitivity`, `ceiling`, `corrections` and `reproduce`."""
 
 import json
 from dataclasses import dataclass, field
@@ -15,22 +15,24 @@ from .options import Count, CountOrNone, EnvOptions, Policies, Real, RunningOpti
 
 @dataclass(frozen=True, kw_only=True)
 class Frontier(EnvOptions, options.PushOptions, RunningOptions):
-    """Scan the directions for the largest recoverable push."""
+    """Find the largest push that is recovered from, by direction."""
 
     policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE", aliases=("--policy",))] = ("two-stage",)
     """Policies in one picture: names (see list), policy files, or MODULE:ATTRIBUTE."""
     directions: Count = field(default=16, metadata=within(1))
     """Number of directions, evenly spread, counter-clockwise from forward."""
     grid: options.RealOrNone = field(default=None, metadata=within(1, 1000))
-    """Step between the forces that are tried [N] (by default 10 on the pendulum and 20 elsewhere)."""
+    """Least step between the forces that are tried [N] (by default 40 for 60 kg and as much less for less;
+    with one replica 10 on the pendulum and 20 elsewhere)."""
 
     def run(self) -> None:
         """Write picture and frontier.json, print the table or the object."""
         from ...controllers.files import write_text
-        from ..report import frontier, page
+        from ..report import frontier as report
+        from ..report import page
         from ..score import frontier as scan
 
-        settings = self.scanned(self.env_id, grid=self.grid or scan.default_grid(self.env_id))
+        settings = self.scanned(self.env_id, grid=self.grid or scan.default_grid(self.env_id, self.replicas))
         found = scan.frontier(
             settings, self.policies, self.directions, self.processes, self.directory, self.overwrite
         )
@@ -38,13 +40,32 @@ class Frontier(EnvOptions, options.PushOptions, RunningOptions):
         content = next(iter(objects.values())) if len(objects) == 1 else {"policies": objects}
         write_text(found.directory / "frontier.json", json.dumps(content, indent=1) + "\n")
         lines = [
-            f"report: {scan.write_frontier_reports(found)}",
-            "pictures: " + ", ".join(map(str, scan.save_pictures(found))),
-            *options.page_lines(
-                lambda: frontier.write_frontier_page(found, page.command_of("frontier", self))
-            ),
+            f"report: {report.write_frontier_reports(found)}",
+            "pictures: " + ", ".join(map(str, report.save_pictures(found))),
+            *options.page_lines(lambda: report.write_frontier_page(found, page.command_of("frontier", self))),
         ]
-        self.show(content, [scan.frontier_table(found)], lines)
+        tables = filter(None, [report.frontier_table(found), report.replicas_table(found)])
+        self.show(content, tables, lines)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Basin(EnvOptions, RunningOptions):
+    """Map the N-step capture basin, measured and by theory."""
+
+    policies: Policies = ("two-stage",)
+    points: Count = field(default=21, metadata=within(2, 400))
+    """Number of points along each axis of the grid of DCMs."""
+
+    def run(self) -> None:
+        """Run the kicks, print the table or the object, write reports and pictures."""
+        from ..score import basin
+
+        found = basin.basin(
+            self.env_id, self.policies, self.points, self.processes, self.directory, self.overwrite
+        )
+        pictures = ", ".join(map(str, basin.save_basin(found)))
+        lines = [f"report: {basin.write_basin_reports(found)}", f"pictures: {pictures}"]
+        self.show(found.to_dict(), [basin.basin_table(found)], lines)
 
 
 @dataclass(frozen=True, kw_only=True)

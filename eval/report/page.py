@@ -26,7 +26,9 @@ PROGRAM = "push-recovery"
 WITHOUT_RESULT = {"workers", "ray", "out", "overwrite", "json"}  # options that change no outcome
 OF_ROBOT = {"--env", "--preset", "--errors"}  # options of `play` that decide what a scenario is, too
 OF_SUITE = OF_ROBOT | {"--suite"}
-OF_PUSH = OF_ROBOT | {"--profile", "--duration", "--body", "--vx", "--vy", "--stand"}
+OF_PUSH = OF_ROBOT | {
+    "--profile", "--duration", "--body", "--vx", "--vy", "--stand", "--replicas", "--replica-seed"
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -53,9 +55,10 @@ class Command:
         more = {**under, "--scenario": scenario_id}
         return self._play(OF_SUITE, more, scenario_id, policy)
 
-    def replay_push(self, psi_deg: float, force: float, policy: str) -> str:
-        """The line that draws the frontier's push of a force [N] towards psi [deg]."""
-        more = {"--psi": f"{psi_deg:g}", "--force": f"{force:g}"}
+    def replay_push(self, psi_deg: float, force: float, policy: str, replica: int | None = None) -> str:
+        """The line that draws the frontier's push of a force [N] towards psi [deg], or a replica of it."""
+        which = {} if replica is None else {"--replica": str(replica)}
+        more = {"--psi": f"{psi_deg:g}", "--force": f"{force:g}", **which}
         return self._play(OF_PUSH, more, f"{psi_deg:g}deg-{force:g}N", policy)
 
     def _play(self, kept: set[str], more: Mapping[str, str], stem: str, policy: str) -> str:

@@ -16,7 +16,7 @@ from ...envs.scenario.scenario import Scenario
 from ..output.statistics import Array, LogisticFit, SurvivalCurve, fit_logistic, kaplan_meier, wilson_interval
 from ..output.tables import Table
 from ..record.words import DIRECTIONS, sector_of
-from ..score import evaluate, frontier
+from ..score import evaluate, limits
 from ..score.report import KINDS
 from .page import BLUE, GREY, INK, ORANGE, beside_axis, legend_below, panel, to_svg
 
@@ -43,10 +43,10 @@ def mapped_pushes(env: gym.Env, scenarios: Sequence[Scenario]) -> list[MappedPus
         if len(scenario.pushes) == 1:
             (push,) = scenario.pushes
             if scenario.command.stand:
-                share = frontier.standing_share(env, scenario)
+                share = limits.standing_share(env, scenario)
                 found.append(MappedPush(scenario.id, push.direction, share, True))
                 continue
-            share = frontier.limit_share(env, push, scenario.command)
+            share = limits.limit_share(env, push, scenario.command)
             if share is not None:
                 found.append(MappedPush(scenario.id, stance_direction(push), share))
     return found

@@ -22,7 +22,7 @@ from ..output.rows import RowFile
 from ..output.tables import Table
 from ..rollout.environments import code_digest
 from ..rollout.workers import Runner, parallel
-from ..score.frontier import BEYOND, Scanned, multiples, scan_upwards
+from ..score.threshold import BEYOND, Scanned, multiples, scan_upwards
 from .pendulum import PushKind, Variant, Walk, record
 
 Row = dict[str, Any]
@@ -188,7 +188,7 @@ def case_numbers(walk: Walk, gait: NominalGait) -> Row:
 
 ENV_ID = "PushRecovery/Pendulum-v0"
 SECONDS = 0.6  # of a core that a job takes, about
-DECIDING = ("rollout", "score/frontier.py", "record/record.py", "reproduction")  # folders and files of eval
+DECIDING = ("rollout", "score/threshold.py", "record/record.py", "reproduction")  # folders and files of eval
 
 
 def key(job: Job) -> str:

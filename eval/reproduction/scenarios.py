@@ -14,7 +14,7 @@ from itertools import product
 from pathlib import Path
 
 from ..output.tables import Table
-from ..score.frontier import directions_deg
+from ..score.threshold import directions_deg
 from .jobs import CaseJob, EpisodeJob, Job, Row, Rows, ScanJob, Section, key
 from .pendulum import PUSH_TIME, PushKind, Variant, pairs, record
 

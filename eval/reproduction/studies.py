@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 from ...controllers.model.robot import RobotModel
 from ...controllers.model.trajectory_program import TrajectoryProblem, trajectory_limit
 from ..output.tables import Table
-from ..score.frontier import directions_deg
+from ..score.threshold import directions_deg
 from .jobs import Job, Row, Rows, ScanJob, Section, key
 from .pendulum import PUSH_TIME, PushKind, Variant, pairs
 from .scenarios import LIMITS, STAGE_1, TWO_STAGE

@@ -13,6 +13,7 @@ SUITE_NAMES = (  # of `score.suites.SUITES`
     "hardware-sealed", "hard-sealed", "standing-sealed", "disturbances-sealed", "quick-1", "shift-duration",
     "shift-body", "shift-model", "shift-magnitude", "shift-floor", "shift-repeated", "kick", "kick-coded",
 )  # fmt: skip
+REPLICAS = 32  # of a push of `frontier`, by default
 
 
 def default_workers() -> int:

@@ -16,7 +16,7 @@ from ...envs.episode.episodes import GaitEpisodes
 from ...envs.robots.indices import MISSING
 from ...envs.scenario.scenario import Scenario
 from ..output.statistics import Array, wilson_interval
-from .strategy import StrategyMeter
+from .strategy import StrategyMeter, take_in_stability
 
 Row = Mapping[str, Any]  # an outcome as its file holds it
 NO_LIMITS = limits_record.LimitsReport({}, {})
@@ -194,6 +194,9 @@ class EffortMeter:
         self.heading = np.zeros(n)  # that the commands so far ask for [rad]
         self.periods = np.zeros(n, np.int64)  # so far
         self.margin = np.zeros(n)  # smallest capture margin [m]
+        self.stability = np.zeros(n)  # smallest margin of stability [m]
+        robot = episodes.robot
+        self._sole = 0.5 * robot.foot_length, 0.5 * robot.foot_width  # [m]
         self.lean = np.zeros(n)  # largest trunk angle [rad]
         self.peak = np.zeros(n)  # largest torque of a motor [N m]
         self.torque = np.zeros(n)  # sum of |torque| over motors and periods [N m]
@@ -201,7 +204,7 @@ class EffortMeter:
 
     def begin(self, k: int) -> None:
         """Forget robot k, which begins an episode."""
-        self.periods[k], self.margin[k] = 0, np.inf
+        self.periods[k], self.margin[k], self.stability[k] = 0, np.inf, np.inf
         self.strategy.begin(k)
         self.heading[k] = self.episodes.motion().heading[k]
         for sums in (self.lean, self.peak, self.torque, self.power):
@@ -214,6 +217,7 @@ class EffortMeter:
         if self.episodes.both_feet:
             self.strategy.look()
         np.fmin(self.margin, core.margin, out=self.margin)
+        take_in_stability(core.truth, *self._sole, self.stability)
         np.fmax(self.lean, largest(np.abs(core.truth[:, TRUNK_ANGLE]), axis=1), out=self.lean)
         if self.motors:
             self.heading += core.command[:, TURN] * (1.0 / self.episodes.control_hz)
@@ -297,6 +301,11 @@ MEASURES: dict[str, Measure] = {
         lambda seen, k: seen.margin.item(k), "smallest margin", "cm", 1, 100.0, brief="margin {:.0f} cm",
         about="by how much the DCM could still be off before no step catches it; the smallest of an episode "
         "says how near a fall was",
+    ),
+    "margin_of_stability": Measure(  # [m]
+        lambda seen, k: seen.stability.item(k), "margin of stability", "cm", 1, 100.0,
+        "the smallest distance of the extrapolated CoM, which is the DCM, from the border of the base of "
+        "support (Hof 2005); negative outside",
     ),
     "dcm_error": Measure(lambda seen, k: seen.episodes.monitor.state.error.item(k, 0), touchdowns=1),  # [m]
     "velocity_error": Measure(  # [m/s]

@@ -1,4 +1,8 @@
-"""How a robot that stands answers a push: by its ankles, by its hips, or by a step.
+"""How a robot answers a push: its margin of stability; by ankles, hips or a step where it stands.
+
+The margin of stability (Hof, Gazendam and Sinke 2005, The condition for dynamic stability, J. of Biomechanics
+38, 1-8) is the distance of the extrapolated CoM, which is the DCM xi, from the border of the base of support:
+one sole, or the hull of both. It is negative outside, where no CoP can hold the robot and a step has to come.
 
 While both feet stand, xi' = omega (xi - z - (j / (m g)) theta''), so that with what the trunk has taken over
 
@@ -19,8 +23,17 @@ import numpy as np
 from ...controllers.array_table import Floats1
 from ...controllers.jit import njit
 from ...controllers.model.capturability import capture_constants, constants_of
-from ...controllers.model.observation import DCM, ELAPSED, SWING_POSITION, TRUNK_ANGLE, TRUNK_RATE
+from ...controllers.model.observation import (
+    DCM,
+    ELAPSED,
+    STANCE_CONTACT,
+    SWING_CONTACT,
+    SWING_POSITION,
+    TRUNK_ANGLE,
+    TRUNK_RATE,
+)
 from ...controllers.model.standing import (
+    CORNERS,
     HULL_COLUMNS,
     HULL_ROWS,
     NORMAL,
@@ -32,6 +45,78 @@ from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.arrays import STAND
 
 STRATEGIES = "ankle", "hip", "step"
+
+
+@njit(cache=True)
+def distance_to_segment(x, y, ax, ay, bx, by):  # pragma: no cover
+    """Distance of a point (x, y) from the segment between (ax, ay) and (bx, by) [m]."""
+    along_x, along_y = bx - ax, by - ay
+    square = along_x * along_x + along_y * along_y
+    share = ((x - ax) * along_x + (y - ay) * along_y) / square if square > 0.0 else 0.0
+    share = min(max(share, 0.0), 1.0)
+    return math.hypot(x - ax - share * along_x, y - ay - share * along_y)
+
+
+@njit(cache=True)
+def margin_of_stability(x, y, other_x, other_y, half_x, half_y, hull):  # pragma: no cover
+    """Distance of a point from the border of the hull of two equal soles [m]; negative outside.
+
+    Within, the nearest edge counts. Outside, the nearest point of the hull lies on the border, which is made
+    of segments between corners, and no other such segment is nearer.
+
+    Args:
+        x: point, from the centre of one sole along its axes [m].
+        y: likewise [m].
+        other_x: centre of the other sole; 0, 0 where there is none [m].
+        other_y: likewise [m].
+        half_x: half the length of a sole [m].
+        half_y: half its width [m].
+        hull: (HULL_ROWS, HULL_COLUMNS), written.
+    """
+    write_hull(other_x, other_y, 0.0, half_x, half_y, hull)
+    within, outside = np.inf, np.inf
+    for e in range(HULL_ROWS):
+        within = min(within, hull[e, OFFSET] - hull[e, NORMAL] * x - hull[e, NORMAL + 1] * y)
+    if within >= 0.0:
+        return within
+    for i in range(CORNERS):
+        for j in range(i):
+            ax, ay = _corner(i, other_x, other_y, half_x, half_y)
+            bx, by = _corner(j, other_x, other_y, half_x, half_y)
+            outside = min(outside, distance_to_segment(x, y, ax, ay, bx, by))
+    return -outside
+
+
+@njit(cache=True)
+def _corner(i, other_x, other_y, half_x, half_y):  # pragma: no cover
+    """Corner i of two soles [m], the first four of that at the origin."""
+    x, y = half_x if i % 4 < 2 else -half_x, half_y if i % 2 == 0 else -half_y
+    return (x, y) if i < 4 else (other_x + x, other_y + y)
+
+
+@njit(cache=True)
+def take_in_stability(truth, half_x, half_y, smallest):  # pragma: no cover
+    """Lower the smallest margins of stability (n,) to those of observations (n, 36) without noise [m].
+
+    A robot in flight has no base of support and keeps its margin. The other sole counts as turned like the
+    stance sole.
+    """
+    hull = np.empty((HULL_ROWS, HULL_COLUMNS))
+    for k in range(len(truth)):
+        seen = truth[k]
+        if seen[STANCE_CONTACT] < 0.5 and seen[SWING_CONTACT] < 0.5:
+            continue
+        both = seen[STANCE_CONTACT] >= 0.5 and seen[SWING_CONTACT] >= 0.5
+        on_other = seen[STANCE_CONTACT] < 0.5
+        x, y = seen[DCM.start], seen[DCM.start + 1]
+        other_x, other_y = seen[SWING_POSITION.start], seen[SWING_POSITION.start + 1]
+        if on_other:
+            x, y = x - other_x, y - other_y
+        if not both:
+            other_x, other_y = 0.0, 0.0
+        margin = margin_of_stability(x, y, other_x, other_y, half_x, half_y, hull)
+        if margin < smallest[k]:  # it may be no number
+            smallest[k] = margin
 
 
 class Stance(NamedTuple):

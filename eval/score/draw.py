@@ -68,7 +68,7 @@ def orthogonal_array(factors: int) -> np.ndarray:
     return np.array(rows, dtype=np.int64)
 
 
-def _uniforms(generator: np.random.PCG64, *shape: int) -> np.ndarray:
+def uniforms(generator: np.random.PCG64, *shape: int) -> np.ndarray:
     """Uniforms in [0, 1) from raw bits, whose stream numpy guarantees across versions."""
     raw = np.asarray(generator.random_raw(math.prod(shape)), dtype=np.uint64)
     return ((raw >> np.uint64(11)).astype(np.float64) * 2.0**-53).reshape(shape)
@@ -82,16 +82,16 @@ def stratified_uniforms(blocks: int, factors: int, seed: int) -> np.ndarray:
     """
     generator = np.random.PCG64(np.random.SeedSequence(seed))
     array = orthogonal_array(factors)
-    quarter = np.argsort(_uniforms(generator, factors, blocks), axis=1)  # of the finest interval, by block
+    quarter = np.argsort(uniforms(generator, factors, blocks), axis=1)  # of the finest interval, by block
     points = np.empty((blocks, BLOCK, factors))
     for block in range(blocks):
-        order = np.argsort(_uniforms(generator, BLOCK))
+        order = np.argsort(uniforms(generator, BLOCK))
         for factor in range(factors):
-            level = np.argsort(_uniforms(generator, LEVELS))[array[:, factor]]
+            level = np.argsort(uniforms(generator, LEVELS))[array[:, factor]]
             rank = np.empty(BLOCK, dtype=np.int64)
             for value in range(LEVELS):
-                rank[level == value] = np.argsort(_uniforms(generator, LEVELS))
-            inner = (quarter[factor, block] + _uniforms(generator, BLOCK)) / blocks
+                rank[level == value] = np.argsort(uniforms(generator, LEVELS))
+            inner = (quarter[factor, block] + uniforms(generator, BLOCK)) / blocks
             points[block, :, factor] = ((level + (rank + inner) / LEVELS) / LEVELS)[order]
     return points.reshape(-1, factors)
 

@@ -1,259 +1,58 @@
-"""The largest recoverable push by direction, beside the closed-form limit F* of two boxes of steps.
+"""The largest push by direction that a policy recovers from, beside the closed-form limits F*.
 
-A robot that stands is pushed at rest, and the largest push that it catches without a step is found, too,
-beside F*_stand, the limit of every controller that takes none.
+A force is tried on replicas, which differ in the phase of the step at which the push begins, in the start and
+in the noise. What counts is the force up to which at least 0.8 of them recover (`threshold`). A robot that
+stands is pushed at rest, and the largest push that it catches without a step is found, too, beside F*_stand.
 
-Forces of a grid are tried, weakest first, until `BEYOND` past the first failure: survival is not monotone in
-the force, and beyond the first failure there may be islands that are survived.
-
-F* of the robot's own box of steps says what its controller could at best have reached. F* of the paper's box
-(Tables I and II, l_p 0.2 m, foot 0.2 x 0.1 m) is the same for every robot and cannot be moved by choosing
-other limits.
+One replica is the nominal trajectory: pushed at the start of a left stance, each force of a grid, weakest
+first, until `BEYOND` past the first fall. Survival is not monotone in the force, and beyond the first fall
+there may be islands that are survived.
 """
 
-import io
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Self, TypeVar
-
-import gymnasium as gym
-import numpy as np
+from typing import Any, ClassVar, Protocol
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.files import write_atomically
-from ...controllers.model.capturability import max_recoverable_force, recoverable_offset
-from ...controllers.model.gait_box import GaitLimits
-from ...controllers.model.nominal_gait import NominalGait, nominal_gait, step_start_dcm
-from ...controllers.model.robot import RobotModel
-from ...controllers.model.standing import max_standing_force
-from ...controllers.whole_body.limits import LIMIT_NAMES
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
-from ...envs.scenario.push import Body, GaitEvent, Push, polar_push
+from ...envs.scenario.push import Body, GaitEvent, polar_push
 from ...envs.scenario.scenario import EXACT, Command, Scenario, get_profile
 from ..output.progress import Work, about, progress_bars, robot_seconds
-from ..output.tables import Table, markdown_page, write_reports
 from ..rollout.environments import code_digest, env_label, make_env, preset_digest, profile_on
-from ..rollout.outcome import Outcome, limit_words
+from ..rollout.outcome import Outcome
 from ..rollout.policy_source import open_rows, policy_sources
 from ..rollout.workers import Runner, parallel
-from .draw import feet_at_first
+from . import threshold
+from .limits import NOMINAL_STEPS, DirectionLimits, direction_limits, limit_of_phases
+from .threshold import (
+    BEYOND,
+    FORCE_CAP,
+    RECOVERED_SHARE,
+    SHARES,
+    Estimate,
+    Replica,
+    Scanned,
+    Tried,
+    directions_deg,
+)
 
-BEYOND = 100.0  # how far past the first failure a direction is scanned [N]
-FORCE_CAP = 4000.0  # no scan goes further [N]
-NOMINAL_STEPS = 4  # before the push
-AT_REST_FOR = 0.5  # a robot that stands, before the push [s]
-TOLERANCE = 1e-9  # of strengths that are multiples of a grid
-T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class Scanned:
-    """Result of a scan, in the unit of its strengths."""
-
-    survived: float  # largest before the first failure; 0 where none was survived
-    largest_survived: float  # at all
-    failed: tuple[float, ...]  # rising
-
-    @classmethod
-    def of(cls, survives: Mapping[float, bool]) -> Self:
-        """From whether each strength was survived."""
-        failed = tuple(sorted(strength for strength, ok in survives.items() if not ok))
-        survived = [strength for strength, ok in survives.items() if ok]
-        before = [strength for strength in survived if not failed or strength < failed[0]]
-        return cls(max(before, default=0.0), max(survived, default=0.0), failed)
-
-
-def scan_upwards(
-    run: Callable[[Iterator[float]], Iterable[tuple[float, T]]],
-    strengths: Iterable[float],
-    beyond: float,
-    survived: Callable[[T], bool],
-) -> dict[float, T]:
-    """Outcomes of rising strengths up to `beyond` past the first failure, in rising order.
-
-    Several may run at once, so that a weaker one fails late; what was tried past the end that it sets is left
-    out. So what comes out does not depend on how many run at once.
-
-    Args:
-        run: takes strengths when it has room for them; gives (strength, outcome) in any order.
-        strengths: rising.
-        beyond: in their unit.
-        survived: whether an outcome counts as survived.
-    """
-    end, found = float("inf"), {}
-
-    def wanted() -> Iterator[float]:
-        for strength in strengths:
-            if strength > end + TOLERANCE:
-                return
-            yield strength
-
-    for strength, outcome in run(wanted()):
-        found[strength] = outcome
-        if not survived(outcome):
-            end = min(end, strength + beyond)
-    return {strength: found[strength] for strength in sorted(found) if strength <= end + TOLERANCE}
-
-
-def multiples(grid: float) -> Iterator[float]:
-    """The multiples of a grid [N] from the first up to FORCE_CAP."""
-    return (k * grid for k in range(1, int(FORCE_CAP / grid + TOLERANCE) + 1))
-
-
-def directions_deg(count: int) -> list[float]:
-    """`count` directions counter-clockwise from forward [deg].
-
-    Raises:
-        InvalidValueError: fewer than one.
-    """
-    if count < 1:
-        raise InvalidValueError(f"directions must be >= 1, got {count}")
-    return [360.0 * k / count for k in range(count)]
-
-
-OWN, PAPER, POINT_FOOT = "F* of the robot's own box", "F* of the paper's box", "own box, point foot"
-STAND = "F*_stand of the robot's own soles and trunk"
-
-
-@dataclass(frozen=True)
-class DirectionLimits:
-    """F* and F*_stand in one direction [N]."""
-
-    own: float  # of the robot's own gait limits
-    paper: float  # of the paper's robot and gait limits
-    stand: float  # of the robot's own soles and trunk, at rest on both feet, without a step
-
-
-def nominal_gait_in_use(env: gym.Env, command: Command) -> NominalGait:
-    """Nominal gait of an environment for a command, on left stance (its y axis points right)."""
-    unwrapped: Any = env.unwrapped
-    return nominal_gait(unwrapped.robot, unwrapped.limits, (command.vx, -command.vy))
-
-
-def own_limit_force(
-    env: gym.Env, psi: float, duration: float, command: Command, point_foot: bool = False
-) -> float:
-    """F* [N] of the environment's own robot and gait limits; arguments as for `limit_force`.
-
-    A point foot has no sole to shift the CoP in and no trunk to swing.
-    """
-    unwrapped: Any = env.unwrapped
-    gait, moved = nominal_gait_in_use(env, command), not point_foot
-    return float(
-        max_recoverable_force(
-            unwrapped.robot, psi, duration, limits=unwrapped.limits, gait=gait, foot=moved, flywheel=moved
-        )
-    )
-
-
-def limit_force(env: gym.Env, psi: float, duration: float, command: Command) -> float:
-    """F* [N] within the paper's limits, from the nominal gait of the environment.
-
-    Args:
-        env: decides the nominal gait.
-        psi: direction of the push, counter-clockwise from forward, at the start of a left stance [rad].
-        duration: of the push [s].
-        command: commanded velocity.
-    """
-    gait = nominal_gait_in_use(env, command)
-    return float(max_recoverable_force(RobotModel(), psi, duration, gait=gait))
-
-
-def standing_limit_force(env: gym.Env, psi: float, duration: float) -> float:
-    """F*_stand [N] of the environment's own soles and trunk; arguments as for `limit_force`."""
-    unwrapped: Any = env.unwrapped
-    return max_standing_force(unwrapped.robot, psi, duration, limits=unwrapped.limits)
-
-
-def direction_limits(env: gym.Env, psi_deg: float, duration: float, command: Command) -> DirectionLimits:
-    """All limits towards psi [deg]; the other arguments as for `limit_force`."""
-    push = math.radians(psi_deg), duration, command
-    stand = standing_limit_force(env, *push[:2])
-    return DirectionLimits(own_limit_force(env, *push), limit_force(env, *push), stand)
-
-
-def limit_curves(
-    env: gym.Env, psi_deg: Sequence[float], duration: float, command: Command
-) -> dict[str, list[float]]:
-    """Limits [N] over directions [deg]: both yardsticks, the own box with a point foot, and F*_stand."""
-    pushes = [(math.radians(psi), duration, command) for psi in psi_deg]
-    return {
-        OWN: [own_limit_force(env, *push) for push in pushes],
-        PAPER: [limit_force(env, *push) for push in pushes],
-        POINT_FOOT: [own_limit_force(env, *push, point_foot=True) for push in pushes],
-        STAND: [standing_limit_force(env, *push[:2]) for push in pushes],
-    }
-
-
-@dataclass(frozen=True)
-class PushedStart:
-    """A nominal step when a push begins, in its canonical frame."""
-
-    elapsed: float  # of the step [s]
-    dcm: np.ndarray  # (2,) [m]
-    shift: np.ndarray  # (2,) that the push counts as [m]
-
-
-def pushed_start(robot: RobotModel, limits: GaitLimits, push: Push, command: Command) -> PushedStart | None:
-    """Where a push finds the DCM, and what it does to it: F (1 - exp(-omega d)) / (m omega^2).
-
-    None for a push at a time, whose step is not known.
-    """
-    if not isinstance(push.start, GaitEvent):
-        return None
-    swing = -1.0 if push.start.side == "left" else 1.0  # side of the swing foot, left is positive
-    gait = nominal_gait(robot, limits, (command.vx, swing * command.vy))
-    elapsed = push.start.fraction * gait.duration
-    dcm = np.array(step_start_dcm(gait, robot.pelvis_width, robot.omega)) * math.exp(robot.omega * elapsed)
-    force = np.array([push.force[0], swing * push.force[1]])
-    shift = force * -math.expm1(-robot.omega * push.duration) / (robot.mass * robot.omega**2)
-    return PushedStart(elapsed, dcm, shift)
-
-
-def limit_share(env: gym.Env, push: Push, command: Command) -> float | None:
-    """The push as a share of F* of the robot's own box, at its moment of the nominal step.
-
-    The share is that by which the shift of `pushed_start` must be divided so that the DCM ends on the nearest
-    of its bounds; at the start of a left stance it is F / F* of the frontier. The pendulum's limit: no turn,
-    no legs. None where there is no such limit: the push comes at a time, or the unpushed gait is out of
-    bounds.
-    """
-    unwrapped: Any = env.unwrapped
-    start = pushed_start(unwrapped.robot, unwrapped.limits, push, command)
-    if start is None:
-        return None
-    bounds = recoverable_offset(unwrapped.robot, unwrapped.limits, start.elapsed)
-    room = np.where(start.shift > 0.0, bounds.high - start.dcm, start.dcm - bounds.low)
-    if (room <= 0.0).any():
-        return None
-    return float(np.max(np.abs(start.shift) / room))
-
-
-def standing_share(env: gym.Env, scenario: Scenario) -> float:
-    """The first push of a scenario in which the robot stands at rest, as a share of its own F*_stand."""
-    unwrapped: Any = env.unwrapped
-    robot, push = unwrapped.robot, scenario.pushes[0]
-    feet = feet_at_first(robot, scenario.stance_side, scenario.stride)
-    limit = max_standing_force(robot, push.direction, push.duration, limits=unwrapped.limits, feet=feet)
-    return math.hypot(*push.force[:2]) / limit
-
-
-FORMAT = 2  # of the rows
+AT_REST_FOR, AT_REST_FOR_MORE = 0.5, 0.5  # a robot that stands, before the push, and at most by its phase [s]
+FORMAT = 3  # of the rows
 KEY = ("policy", "psi_deg")  # of a row
-FOUND = ("survived_N", "largest_survived_N", "failed_N", "falls")  # fields that a report is made of
 IN_PLACE = Command()
-SIMULATED = 500.0  # seconds of a robot that one direction of a policy takes, about: eighty forces
+Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class FrontierSettings:
-    """The push whose force is scanned: at the start of a left stance after four nominal steps.
+    """The push whose force is scanned: on a left stance after four nominal steps, at its start or any phase.
 
-    A robot whose command is to stand is pushed after AT_REST_FOR.
+    A robot whose command is to stand is pushed after AT_REST_FOR, or up to AT_REST_FOR_MORE later.
     """
 
     env_id: str
@@ -263,11 +62,24 @@ class FrontierSettings:
     command: Command = IN_PLACE
     errors: ModelErrors = EXACT_MODEL
     profile: str = EXACT.name
+    replicas: int = 1  # of a force; of one the nominal trajectory is run
+    replica_seed: int = 0  # that they are drawn from
 
     def __post_init__(self) -> None:
         if not 0 < self.grid <= FORCE_CAP:
             raise InvalidValueError(f"grid must be in (0, {FORCE_CAP:g}] N, got {self.grid}")
         get_profile(self.profile)
+        threshold.draw_replicas(self.replicas, self.replica_seed)
+
+    @cached_property
+    def drawn(self) -> tuple[Replica, ...]:
+        """The replicas of every force, direction and policy."""
+        return threshold.draw_replicas(self.replicas, self.replica_seed)
+
+    @property
+    def search(self) -> "Search":
+        """How a direction is searched."""
+        return Nominal(self) if self.replicas == 1 else Replicated(self)
 
     def scenario(self, psi_deg: float, force: float) -> Scenario:
         """The push of `force` [N] towards psi."""
@@ -277,57 +89,249 @@ class FrontierSettings:
         scenario = Scenario(name, (push,), self.command, "left", errors=self.errors)
         return profile_on(self.env_id, self.profile).applied(scenario)
 
+    def replicated(self, psi_deg: float, force: float, index: int) -> Scenario:
+        """The same push on a replica.
+
+        Raises:
+            InvalidValueError: there is no such replica.
+        """
+        if not 0 <= index < self.replicas:
+            raise InvalidValueError(
+                f"replica must be in [0, {self.replicas - 1}] of {self.replicas} replicas, got {index}"
+            )
+        replica, nominal = self.drawn[index], self.scenario(psi_deg, force)
+        start: float | GaitEvent = GaitEvent(NOMINAL_STEPS, "left", replica.phase)
+        if self.command.stand:
+            start = AT_REST_FOR + AT_REST_FOR_MORE * replica.phase
+        return replace(
+            nominal, id=f"{nominal.id}-{index}", pushes=(replace(nominal.pushes[0], start=start),),
+            start=replica.start, noise_seed=replica.noise_seed,
+        )  # fmt: skip
+
 
 @dataclass(frozen=True)
 class ScanJob:
-    """One direction of one policy."""
+    """One direction of one policy; without a direction its replicas unpushed."""
 
     settings: FrontierSettings
     policy: str
-    psi_deg: float
+    psi_deg: float | None
 
 
 OF_A_FALL = ("failure_reason", "first_limit", "limits_met", "limit_shares")  # fields of an outcome
 
 
-def scan(runner: Runner, job: ScanJob) -> dict[str, Any]:
-    """The row of one direction: raise the force by the grid until BEYOND past the first failure."""
-    outcomes = scan_upwards(
-        lambda forces: _outcomes(runner, job, forces),
-        multiples(job.settings.grid),
-        BEYOND,
-        lambda outcome: outcome.survived,
+def scan(runner: Runner, job: ScanJob) -> Row:
+    """The task of `parallel`: the row of one direction."""
+    return {"policy": job.policy, "psi_deg": job.psi_deg, **job.settings.search.run(runner, job)}
+
+
+class Search(Protocol):
+    """How the largest push in a direction is found, and what is told of it."""
+
+    fields: ClassVar[tuple[str, ...]]  # of a row that a report is made of
+    headline: ClassVar[str]  # key of the force of an entry that counts
+    share: ClassVar[str]  # key of its share of F* of the own box
+    told: ClassVar[str]  # what that force is
+    brackets: ClassVar[str]  # what stands in brackets behind it
+    control: ClassVar[bool]  # whether replicas are run unpushed, too
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time that a direction of a policy takes, about [s]."""
+        ...
+
+    def run(self, runner: Runner, job: ScanJob) -> Row:
+        """Fields of the row of a direction."""
+        ...
+
+    def entry(self, row: Mapping[str, Any], control: Mapping[str, Any] | None) -> Row:
+        """Forces of a row for the contract's object, given the row of the unpushed."""
+        ...
+
+    def cell(self, entry: Mapping[str, Any]) -> str:
+        """The force of an entry and what belongs to it, for a table."""
+        ...
+
+
+def stays(outcome: Outcome) -> bool:
+    """Whether a robot neither fell nor stepped."""
+    return outcome.survived and not outcome.measures["steps"]
+
+
+def _fall(force: float, outcome: Outcome, **more: int) -> Row:
+    fell = outcome.to_dict()
+    return {"force_N": force, **more, **{name: fell[name] for name in OF_A_FALL}}
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """One trajectory: the force rises by the grid until BEYOND past the first fall."""
+
+    fields: ClassVar[tuple[str, ...]] = ("survived_N", "largest_survived_N", "failed_N", "falls")
+    headline: ClassVar[str] = "survived_N"
+    share: ClassVar[str] = "own_fraction"
+    told: ClassVar[str] = "largest force before the first failure"
+    brackets: ClassVar[str] = (
+        "In brackets the share of F* of the robot's own box, that of the paper's (its Tables I and II), and "
+        "the largest force survived at all where that is more."
     )
-    found = Scanned.of({force: outcome.survived for force, outcome in outcomes.items()})
-    row = {
-        "policy": job.policy,
-        "psi_deg": job.psi_deg,
-        "survived_N": found.survived,
-        "largest_survived_N": found.largest_survived,
-        "failed_N": list(found.failed),
-        "falls": [
-            {"force_N": force, **{name: fell[name] for name in OF_A_FALL}}
-            for force, fell in ((force, outcomes[force].to_dict()) for force in found.failed)
-        ],
-    }
-    if job.settings.command.stand:
-        stayed = {force: seen.survived and not seen.measures["steps"] for force, seen in outcomes.items()}
-        row["stand_N"] = Scanned.of(stayed).survived
-    return row
+    control: ClassVar[bool] = False
+    settings: FrontierSettings
+
+    @property
+    def seconds(self) -> float:
+        """Eighty forces [s]."""
+        return 500.0
+
+    def run(self, runner: Runner, job: ScanJob) -> Row:
+        """Forces before the first failure, and falls."""
+        outcomes = threshold.scan_upwards(
+            lambda forces: self._outcomes(runner, job, forces),
+            threshold.multiples(self.settings.grid),
+            BEYOND,
+            lambda outcome: outcome.survived,
+        )
+        found = Scanned.of({force: outcome.survived for force, outcome in outcomes.items()})
+        row = {
+            "survived_N": found.survived,
+            "largest_survived_N": found.largest_survived,
+            "failed_N": list(found.failed),
+            "falls": [_fall(force, outcomes[force]) for force in found.failed],
+        }
+        if self.settings.command.stand:
+            row["stand_N"] = Scanned.of({force: stays(one) for force, one in outcomes.items()}).survived
+        return row
+
+    def _outcomes(
+        self, runner: Runner, job: ScanJob, forces: Iterator[float]
+    ) -> Iterator[tuple[float, Outcome]]:
+        """Outcomes of forces [N], which run side by side, as they finish."""
+        begun: dict[str, float] = {}  # scenario -> force
+
+        def scenarios() -> Iterator[Scenario]:
+            for force in forces:
+                scenario = self.settings.scenario(job.psi_deg or 0.0, force)
+                begun[scenario.id] = force
+                yield scenario
+
+        for outcome in runner.run_all(job.policy, scenarios()):
+            yield begun[outcome.scenario_id], outcome
+
+    def entry(self, row: Mapping[str, Any], control: Mapping[str, Any] | None) -> Row:
+        """Largest force before the first failure and at all; where it stands also that without a step."""
+        return {name: row[name] for name in ("survived_N", "largest_survived_N", "stand_N") if name in row}
+
+    def cell(self, entry: Mapping[str, Any]) -> str:
+        """Force before the first failure, its shares of both F*, and the largest survived where more."""
+        shares = (entry["own_fraction"], entry["fraction"])
+        share = ", ".join("-" if part is None else f"{part:.2f}" for part in shares)
+        more = entry["largest_survived_N"]
+        beyond = f"; {more:.0f}" if more > entry["survived_N"] else ""
+        return f"{entry['survived_N']:.0f} ({share}{beyond})"
 
 
-def _outcomes(runner: Runner, job: ScanJob, forces: Iterator[float]) -> Iterator[tuple[float, Outcome]]:
-    """Outcomes of forces [N], which run side by side, as they finish."""
-    begun: dict[str, float] = {}  # scenario -> force
+@dataclass(frozen=True)
+class Replicated:
+    """Replicas: the force up to which RECOVERED_SHARE of them recover, and what else their outcomes say."""
 
-    def scenarios() -> Iterator[Scenario]:
-        for force in forces:
-            scenario = job.settings.scenario(job.psi_deg, force)
-            begun[scenario.id] = force
-            yield scenario
+    fields: ClassVar[tuple[str, ...]] = ("forces_N", "recovered", "falls")
+    headline: ClassVar[str] = "threshold_N"
+    share: ClassVar[str] = "threshold_fraction"
+    told: ClassVar[str] = f"force up to which {RECOVERED_SHARE:g} of the replicas recover"
+    brackets: ClassVar[str] = (
+        "In brackets the 95 % interval, and the share of F* of the robot's own box: of the force that is "
+        f"within it at {RECOVERED_SHARE:g} of the phases of the push. Unpushed: how many replicas recover."
+    )
+    control: ClassVar[bool] = True
+    settings: FrontierSettings
 
-    for outcome in runner.run_all(job.policy, scenarios()):
-        yield begun[outcome.scenario_id], outcome
+    @property
+    def seconds(self) -> float:
+        """A dozen forces [s]."""
+        return 60.0 * self.settings.replicas
+
+    def run(self, runner: Runner, job: ScanJob) -> Row:
+        """Outcomes of all replicas by force, a string of 0 and 1 each, and the first fall at each force."""
+        if job.psi_deg is None:
+            outcomes = {0.0: self._try(runner, job, 0.0)}
+        else:
+            outcomes = threshold.search(
+                lambda force: self._try(runner, job, force), self._wanted, self.settings.grid
+            )
+        row: Row = {"forces_N": list(outcomes)}
+        for name, yes in self._series.items():
+            row[name] = ["".join("01"[yes(one)] for one in tried) for tried in outcomes.values()]
+        falls = (
+            next(((force, one, i) for i, one in enumerate(tried) if not one.survived), None)
+            for force, tried in outcomes.items()
+        )
+        row["falls"] = [_fall(force, one, replica=i) for force, one, i in filter(None, falls)]
+        return row
+
+    @property
+    def _series(self) -> dict[str, Callable[[Outcome], bool]]:
+        series: dict[str, Callable[[Outcome], bool]] = {"recovered": lambda outcome: outcome.recovered}
+        return series | ({"stood": stays} if self.settings.command.stand else {})
+
+    def _wanted(self, outcomes: Sequence[Outcome]) -> list[tuple[threshold.Bools, tuple[float, ...]]]:
+        """Outcomes of a force, and the shares that are looked for in each of their series."""
+        shares = (SHARES, (RECOVERED_SHARE,))
+        return [
+            (threshold.bools(map(yes, outcomes)), wanted)
+            for yes, wanted in zip(self._series.values(), shares, strict=False)
+        ]
+
+    def _try(self, runner: Runner, job: ScanJob, force: float) -> list[Outcome]:
+        """Outcomes of a force on the replicas, in their order."""
+        psi, count = job.psi_deg or 0.0, self.settings.replicas
+        scenarios = [self.settings.replicated(psi, force, i) for i in range(count)]
+        found = {one.scenario_id: one for one in runner.run_all(job.policy, scenarios)}
+        return [found[scenario.id] for scenario in scenarios]
+
+    def entry(self, row: Mapping[str, Any], control: Mapping[str, Any] | None) -> Row:
+        """Threshold, J50 and J95 with their intervals, first failure and islands."""
+        tried = self._tried("recovered", row, control)
+        j95, at, j50 = tried.estimates(SHARES)
+        first = tried.first_failure
+        clean = [force for force in tried.forces if first is None or force < first]
+        any_recovers = tried.forces[tried.recovered.any(axis=1)]
+        found = {
+            "threshold_N": round(at.force, 3), "threshold_ci95": _ends(at),
+            "survived_N": float(max(clean, default=0.0)),
+            "largest_survived_N": float(max(any_recovers, default=0.0)),
+            "first_failure_N": first,
+            "islands": [{"force_N": force, "replicas": count} for force, count in tried.islands.items()],
+            **self._impulse("J50", j50), **self._impulse("J95", j95),
+        }  # fmt: skip
+        if self.settings.command.stand:
+            (stood,) = self._tried("stood", row, control).estimates((RECOVERED_SHARE,))
+            found |= {"stand_N": round(stood.force, 3), "stand_ci95": _ends(stood)}
+        return found
+
+    def _tried(self, name: str, row: Mapping[str, Any], control: Mapping[str, Any] | None) -> Tried:
+        """Outcomes of a series by force, the unpushed first."""
+        rows = (row,) if control is None else (control, row)
+        bits = {force: text for one in rows for force, text in zip(one["forces_N"], one[name], strict=True)}
+        return Tried.of({force: threshold.bools(bit == "1" for bit in text) for force, text in bits.items()})
+
+    def _impulse(self, name: str, force: Estimate) -> Row:
+        """An impulse with its interval [N s]."""
+        lasts = self.settings.duration
+        return {
+            f"{name}_Ns": round(lasts * force.force, 3),
+            f"{name}_ci95": [round(lasts * end, 3) for end in (force.low, force.high)],
+        }
+
+    def cell(self, entry: Mapping[str, Any]) -> str:
+        """Threshold, its interval and its share of F*."""
+        share, (low, high) = entry[self.share], entry["threshold_ci95"]
+        of = "-" if share is None else f"{share:.2f}"
+        return f"{entry['threshold_N']:.0f} ({low:.0f} to {high:.0f}; {of})"
+
+
+def _ends(estimate: Estimate) -> list[float]:
+    return [round(estimate.low, 3), round(estimate.high, 3)]
 
 
 @dataclass(frozen=True)
@@ -335,36 +339,59 @@ class Frontier:
     """Scans of several policies in the same directions."""
 
     settings: FrontierSettings
-    rows: dict[str, list[dict[str, Any]]]  # policy -> direction rows
+    rows: dict[str, list[Row]]  # policy -> direction rows
     limits: Mapping[float, DirectionLimits]  # by direction [deg]
     directory: Path
+    mass: float  # of the robot [kg]
+    controls: Mapping[str, Row] = field(default_factory=dict)  # policy -> row of its replicas unpushed
 
-    def to_dict(self, policy: str) -> dict[str, Any]:
+    def to_dict(self, policy: str) -> Row:
         """The contract's object of one policy."""
-        directions = []
+        return self._objects[policy]
+
+    @cached_property
+    def _objects(self) -> dict[str, Row]:
+        return {policy: self._object(policy) for policy in self.rows}
+
+    def _object(self, policy: str) -> Row:
+        search, control, directions = self.settings.search, self.controls.get(policy), []
         for row in self.rows[policy]:
-            limit, force = self.limits[row["psi_deg"]], row["survived_N"]
-            directions.append(
-                {
-                    "psi_deg": row["psi_deg"],
-                    "survived_N": force,
-                    "largest_survived_N": row["largest_survived_N"],
-                    "limit_N": limit.paper,
-                    "fraction": force / limit.paper if limit.paper > 0 else None,
-                    "own_limit_N": limit.own,
-                    "own_fraction": force / limit.own if limit.own > 0 else None,
-                    "own_stand_limit_N": limit.stand,
-                    **{name: row[name] for name in ("stand_N",) if name in row},
-                }
-            )
+            limit, found = self.limits[row["psi_deg"]], search.entry(row, control)
+            entry = {"psi_deg": row["psi_deg"], **found}
+            entry |= {"limit_N": limit.paper, "fraction": _share(found["survived_N"], limit.paper)}
+            entry |= {"own_limit_N": limit.own, "own_fraction": _share(found["survived_N"], limit.own)}
+            entry["own_stand_limit_N"] = limit.stand
+            if search.control:
+                own, force = limit.own if limit.phases is None else limit.phases, found["threshold_N"]
+                entry |= {"threshold_limit_N": own, "threshold_fraction": _share(force, own)}
+                entry |= {f"{name}_Ns_per_kg": found[f"{name}_Ns"] / self.mass for name in ("J50", "J95")}
+            directions.append(entry)
         push = {"duration": self.settings.duration, "body": self.settings.body}
-        return {"env": self.settings.env_id, "policy": policy, "push": push, "directions": directions}
+        content = {"env": self.settings.env_id, "policy": policy, "push": push, "directions": directions}
+        if control is None:
+            return content
+        replicas = {"count": self.settings.replicas, "seed": self.settings.replica_seed}
+        return {**content, "replicas": replicas, "unpushed_recovered": control["recovered"][0].count("1")}
 
 
-def default_grid(env_id: str) -> float:
-    """The environment's own grid [N]; that of any gait environment where it names none."""
+def _share(force: float, limit: float) -> float | None:
+    return force / limit if limit > 0 else None
+
+
+CELL = 2.0 / 3.0  # of a grid of replicas, by the mass of the robot [N/kg]
+
+
+def default_grid(env_id: str, replicas: int = 1) -> float:
+    """The grid of an environment [N].
+
+    For one trajectory its own, or that of any gait environment where it names none. Of replicas, whose
+    thresholds lie between the forces, CELL times the robot's mass, to 10 N.
+    """
     with closing(make_env(env_id)) as env:
-        episodes = getattr(env.unwrapped, "episodes", None)
+        unwrapped: Any = env.unwrapped
+        if replicas > 1:
+            return max(10.0 * round(CELL * unwrapped.robot.mass / 10.0), 1.0)
+        episodes = getattr(unwrapped, "episodes", None)
         return float(getattr(episodes, "force_grid", GaitEpisodes.force_grid))
 
 
@@ -382,144 +409,41 @@ def frontier(
         PushRecoveryError: unknown names, a directory of another configuration.
     """
     sources = policy_sources(policies)
-    angles = directions_deg(directions)
+    search, angles = settings.search, directions_deg(directions)
     push = settings.duration, settings.command
     with closing(Runner(settings.env_id, sources)) as runner:
         for name in sources:
             runner.acting(name)
         limits = {psi: direction_limits(runner.env, psi, *push) for psi in angles}
+        if search.control and not settings.command.stand:
+            phases = [replica.phase for replica in settings.drawn], RECOVERED_SHARE
+            at = {psi: limit_of_phases(runner.env, math.radians(psi), *push, *phases) for psi in angles}
+            limits = {psi: replace(one, phases=at[psi]) for psi, one in limits.items()}
+        mass = runner.env.unwrapped.robot.mass  # type: ignore[attr-defined]
     config = {"format": FORMAT, "frontier": asdict(settings), "code": code_digest()}
     config |= preset_digest(settings.env_id)
     label = f"frontier-{env_label(settings.env_id)}"
-    store, digests = open_rows(label, config, sources, KEY, FOUND, directory, overwrite)
+    store, digests = open_rows(label, config, sources, KEY, search.fields, directory, overwrite)
+    wanted = [None, *angles] if search.control else angles
     jobs = [
-        ScanJob(settings, name, psi) for name in sources for psi in angles if (name, psi) not in store.rows
+        ScanJob(settings, name, psi) for name in sources for psi in wanted if (name, psi) not in store.rows
     ]
     cost = sum(sources[job.policy].cost for job in jobs)
-    length = about(robot_seconds(settings.env_id, cost * SIMULATED, workers))
+    length = about(robot_seconds(settings.env_id, cost * search.seconds, workers))
     work = Work(f"{directions} directions for {', '.join(sources)}", length, store.directory)
-    count = {name: sum((name, psi) in store.rows for psi in angles) for name in sources}
-    with store, progress_bars(list(sources), len(angles), work, count) as bars:
+    count = {name: sum((name, psi) in store.rows for psi in wanted) for name in sources}
+    with store, progress_bars(list(sources), len(wanted), work, count) as bars:
         for row in parallel(settings.env_id, scan, jobs, workers, sources):
             store.append({**row, "policy_sha256": digests[row["policy"]]})
             count[row["policy"]] += 1
-            bars.set(row["policy"], count[row["policy"]], f"{row['psi_deg']:g} deg: {row['survived_N']:g} N")
+            bars.set(row["policy"], count[row["policy"]], _note(search, row))
     rows = {name: [store.rows[name, psi] for psi in angles] for name in sources}
-    return Frontier(settings, rows, limits, store.directory)
+    controls = {name: store.rows[name, None] for name in sources if search.control}
+    return Frontier(settings, rows, limits, store.directory, mass, controls)
 
 
-def fall_cell(falls: Sequence[Mapping[str, Any]]) -> str:
-    """Fall of the weakest force that failed: the limit met first, the three met for the longest time."""
-    if not falls or falls[0]["first_limit"] is None:
-        return "-"
-    shares = falls[0]["limit_shares"]
-    longest = sorted(shares, key=lambda name: (-shares[name], LIMIT_NAMES.index(name)))[:3]
-    at = ", ".join(f"{limit_words(name)} {shares[name]:.2f}" for name in longest)
-    return f"{limit_words(falls[0]['first_limit'])}; {at}"
-
-
-def _force_cell(entry: Mapping[str, Any]) -> str:
-    """Force before the first failure, its shares of both F*, and the largest survived where that is more."""
-    shares = (entry["own_fraction"], entry["fraction"])
-    share = ", ".join("-" if part is None else f"{part:.2f}" for part in shares)
-    more = entry["largest_survived_N"]
-    return f"{entry['survived_N']:.0f} ({share}" + (f"; {more:.0f})" if more > entry["survived_N"] else ")")
-
-
-def _stand_cell(entry: Mapping[str, Any]) -> str:
-    """Largest force caught without a step, and its share of F*_stand."""
-    return f"{entry['stand_N']:.0f} ({entry['stand_N'] / entry['own_stand_limit_N']:.2f})"
-
-
-def frontier_table(
-    frontier: Frontier, name_of: Callable[[float], str] = "{:g}".format, falls: bool = True
-) -> Table:
-    """Limits, forces of each policy, and what fells it (`falls`), by direction, named by `name_of`."""
-    entries = [frontier.to_dict(name)["directions"] for name in frontier.rows]
-    stands, lines = frontier.settings.command.stand, []
-    for index, (psi, limit) in enumerate(frontier.limits.items()):
-        forces = [_force_cell(directions[index]) for directions in entries]
-        forces += [_stand_cell(directions[index]) for directions in entries if stands]
-        cells = (fall_cell(rows[index]["falls"]) for rows in frontier.rows.values()) if falls else ()
-        limits = (f"{force:.0f}" for force in (limit.own, limit.paper, limit.stand))
-        lines.append((name_of(psi), *limits, *forces, *cells))
-    names = list(frontier.rows)
-    in_place = [f"{name} without a step" for name in names if stands]
-    falls_by = ["falls by"] if len(names) == 1 else [f"{name} falls by" for name in names]
-    return Table(
-        f"{frontier.settings.env_id}: largest force before the first failure [N]",
-        (
-            "psi [deg]",
-            "own F* [N]",
-            "paper's F* [N]",
-            "own F*_stand [N]",
-            *names,
-            *in_place,
-            *(falls_by if falls else ()),
-        ),
-        lines,
-        "In brackets the share of F* of the robot's own box, that of the paper's (its Tables I and II), and "
-        "the largest force survived at all where that is more. F*_stand is what a robot at rest on both feet "
-        "can at most be pushed with so that it need not step."
-        + (" Without a step: in brackets the share of it." if stands else "")
-        + (
-            " Falls by: the limit that the first failure met first, then the three that it met for the "
-            "longest share of the time."
-            if falls
-            else ""
-        ),
-    )
-
-
-def write_frontier_reports(frontier: Frontier) -> Path:
-    """Write report.md, whose path is returned, and report.json, with the limits of every failed force."""
-    policies = {}
-    for name, rows in frontier.rows.items():
-        policies[name] = frontier.to_dict(name)
-        for entry, row in zip(policies[name]["directions"], rows, strict=True):
-            entry["falls"] = row["falls"]
-    markdown = markdown_page("Frontier", [frontier_table(frontier)])
-    return write_reports(frontier.directory, {"policies": policies}, markdown)
-
-
-STYLES = {OWN: "k-", PAPER: "k--", POINT_FOOT: "k:", STAND: "k-."}
-
-
-def save_pictures(frontier: Frontier) -> list[Path]:
-    """Write frontier.png and frontier.svg into the frontier's directory.
-
-    Forward is up, psi counter-clockwise, left stance: right pushes go towards the swing side. Where the robot
-    stands, the dashed lines are what it caught without a step.
-    """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.5, 7.5), layout="constrained")
-    axes: Any = figure.add_subplot(projection="polar")
-    axes.set_theta_zero_location("N")
-    settings = frontier.settings
-    angles = np.linspace(0.0, 360.0, 361)
-    with closing(make_env(settings.env_id)) as env:
-        curves = limit_curves(env, angles.tolist(), settings.duration, settings.command)
-    for label, curve in curves.items():
-        axes.plot(np.radians(angles), curve, STYLES[label], linewidth=1, label=label)
-    for policy, rows in frontier.rows.items():
-        psi = [math.radians(row["psi_deg"]) for row in rows]
-        force = [row["survived_N"] for row in rows]
-        (line,) = axes.plot([*psi, psi[0]], [*force, force[0]], marker="o", markersize=3, label=policy)
-        if settings.command.stand:
-            force, color = [row["stand_N"] for row in rows], line.get_color()
-            label = f"{policy} without a step"
-            axes.plot([*psi, psi[0]], [*force, force[0]], "o--", color=color, markersize=3, label=label)
-    moment = "at rest on both feet" if settings.command.stand else "start of a left stance"
-    axes.set_title(
-        f"{settings.env_id}: largest force before the first failure [N]\n"
-        f"{settings.body}, {settings.duration:g} s, {moment}; forward is up"
-    )
-    figure.legend(loc="outside lower center", fontsize="small", ncols=2)
-    paths = [frontier.directory / f"frontier.{suffix}" for suffix in ("png", "svg")]
-    for path in paths:
-        buffer = io.BytesIO()
-        metadata = {"Date": None} if path.suffix == ".svg" else None
-        figure.savefig(buffer, format=path.suffix[1:], dpi=130, metadata=metadata)
-        write_atomically(path, buffer.getvalue())
-    return paths
+def _note(search: Search, row: Mapping[str, Any]) -> str:
+    """What a row says, for a progress bar."""
+    if row["psi_deg"] is None:
+        return f"unpushed: {row['recovered'][0].count('1')} of {len(row['recovered'][0])}"
+    return f"{row['psi_deg']:g} deg: {search.entry(row, None)[search.headline]:.0f} N"

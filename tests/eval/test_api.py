@@ -147,7 +147,7 @@ def test_compare_tells_objects_of_one_class_apart_by_label(tmp_path):
 
 
 def test_a_frontier_and_a_rollout_take_an_object(tmp_path, file_rows):
-    found = frontier({"mine": Pull()}, 2, toy.ENV_ID, out=tmp_path / "frontier")
+    found = frontier({"mine": Pull()}, 2, toy.ENV_ID, replicas=2, out=tmp_path / "frontier")
     assert [row["psi_deg"] for row in found.rows["mine"]] == [0.0, 180.0]
     scenario = Scenario("calm", (polar_push(1.0, 0.0, 0.1, 1.0),))
     here = rollout(Pull(), scenario, make_env(toy.ENV_ID))

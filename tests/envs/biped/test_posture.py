@@ -201,6 +201,27 @@ def test_posture_has_the_com_asked_for_over_soles_at_rest():
             np.testing.assert_allclose(data.body(body).cvel[:3], 0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("lean", [(0.02, 0.0), (0.0, 0.02), (-0.03, 0.05)])
+def test_pelvis_and_trunk_may_lean_over_the_same_soles(lean):
+    """By one turn about the axis (-left, forward), whose matrix is that of Rodrigues."""
+    model, data = biped_model(), mujoco.MjData(biped_model())
+    soles, com = np.array([[0.05, 0.1, 0.0], [-0.05, -0.1, 0.0]]), np.array([0.01, 0.02, 0.78])
+    data.qpos[:], data.qvel[:] = posture(biped(), com, np.array([0.3, 0.1, 0.0]), soles, lean)
+    mujoco.mj_forward(model, data)
+    mujoco.mj_subtreeVel(model, data)
+    np.testing.assert_allclose(data.subtree_com[0], com, atol=1e-9)
+    np.testing.assert_allclose(data.subtree_linvel[0], [0.3, 0.1, 0.0], atol=1e-9)
+    forward, left = lean
+    cross = np.array([[0.0, 0.0, forward], [0.0, 0.0, left], [-forward, -left, 0.0]])
+    angle = np.hypot(*lean)
+    turn = np.eye(3) + np.sin(angle) / angle * cross + (1 - np.cos(angle)) / angle**2 * cross @ cross
+    for body in ("pelvis", "trunk"):
+        np.testing.assert_allclose(data.body(body).xmat.reshape(3, 3), turn, atol=1e-9)
+    for leg in range(2):
+        np.testing.assert_allclose(data.site(PLAN.soles[leg]).xpos, soles[leg], atol=1e-8)
+        np.testing.assert_allclose(data.site(PLAN.soles[leg]).xmat.reshape(3, 3), np.eye(3), atol=1e-8)
+
+
 def draw_posture(rng):
     soles = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
     soles[:, :2] += rng.uniform(-0.1, 0.1, (2, 2))

@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
-from push_recovery.controllers.model.observation import DCM, SWING_POSITION
+from push_recovery.controllers.model.observation import DCM, SWING_POSITION, TRUNK_ANGLE
 from push_recovery.controllers.model.robot import SAME, Similarity
 from push_recovery.envs.scenario.distribution import ErrorRanges, PushDistribution
 from push_recovery.envs.scenario.model_errors import ModelErrors, PhysicsOptions
@@ -22,6 +22,7 @@ from push_recovery.envs.scenario.scenario import (
     Command,
     CommandChange,
     Scenario,
+    StartOffset,
     get_profile,
 )
 
@@ -371,3 +372,50 @@ def test_feet_stand_astride_at_the_start(name, side):
         width = env.unwrapped.episodes.robot.pelvis_width
     assert seen[SWING_POSITION][:2] == pytest.approx([0.15, width], abs=1e-6)
     assert seen[DCM] == pytest.approx([0.075, 0.5 * width], abs=1e-3)
+
+
+START = StartOffset((0.002, -0.001), (0.02, 0.03))
+
+
+def test_a_start_stands_in_json_only_where_it_is_not_the_nominal_one():
+    assert "start" not in Scenario("a").to_dict()
+    scenario = Scenario("a", start=START)
+    assert scenario.to_dict()["start"] == {"com": [0.002, -0.001], "lean": [0.02, 0.03]}
+    assert Scenario.from_json(scenario.to_json()) == scenario
+    assert scenario.mirrored().start == StartOffset((0.002, 0.001), (0.02, -0.03))
+    assert scenario.scaled(Similarity(0.5, 0.25)).start == StartOffset((0.0005, -0.00025), (0.02, 0.03))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: StartOffset((0.06, 0.0)), r"StartOffset.com \[m\]\[0\] must be .*0.05.*got 0.06"),
+        (lambda: StartOffset(lean=(0.0, -0.2)), r"StartOffset.lean \[rad\]\[1\] must be .*0.1.*got -0.2"),
+        (lambda: StartOffset((0.0, 0.0, 0.0)), r"StartOffset.com \[m\] must have 2 entries"),
+        (lambda: StartOffset(lean="ab"), r"StartOffset.lean \[rad\] must have 2 entries"),
+        (lambda: Scenario("a", start=(0.0, 0.0)), "Scenario.start must be a StartOffset"),
+    ],
+)
+def test_an_impossible_start_is_refused(make, message):
+    with pytest.raises(InvalidValueError, match=message):
+        make()
+
+
+@pytest.mark.parametrize("name", ["Pendulum", "Biped"])
+@pytest.mark.parametrize("command", [Command(), Command(stand=True)])
+def test_a_robot_begins_beside_its_nominal_start(name, command):
+    """On the right foot the swing side is the left one, so that what goes to the left keeps its sign."""
+    env = gym.make(f"push_recovery:PushRecovery/{name}-v0")
+    episodes = env.unwrapped.episodes
+    scenario = Scenario("a", command=command, stance_side="right")
+    found = []
+    for one in (scenario, replace(scenario, start=START), replace(scenario, start=START).mirrored()):
+        env.reset(options={"scenario": one})
+        found.append((episodes.motion().com[0].copy(), episodes.core.truth[0].copy()))
+    (com, seen), (beside, leaning), (_, mirrored) = found
+    assert beside - com == pytest.approx(START.com, abs=1e-9)
+    assert leaning[TRUNK_ANGLE] == pytest.approx(START.lean, abs=1e-4)
+    assert leaning[SWING_POSITION] == pytest.approx(seen[SWING_POSITION], abs=1e-9)  # the feet as they were
+    assert leaning[DCM] - seen[DCM] == pytest.approx(START.com, abs=1e-9)
+    assert mirrored == pytest.approx(leaning, abs=1e-9)
+    env.close()

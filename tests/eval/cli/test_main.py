@@ -421,7 +421,8 @@ PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
 SHARING = {  # commands that write into a directory that they are given, at their smallest
     "evaluate": ["evaluate", "--env", PENDULUM, "--suite", "{few}", "--policies", "stage-1", "two-stage"],
     "compare": ["compare", "two-stage", "passive", "--env", PENDULUM, "--suite", "{few}"],
-    "frontier": ["frontier", "--env", PENDULUM, "--policies", "two-stage", "--directions", "1"],
+    "frontier": ["frontier", "--env", PENDULUM, "--policies", "two-stage", "--directions", "1",
+                 "--replicas", "2", "--grid", "200"],
     "reproduce": ["reproduce", "limits", "--directions", "1"],
     "sensitivity": ["sensitivity", "--env", BIPED, "--suite", "standard", "--sample", "1",
                     "--variations", "elliptic"],

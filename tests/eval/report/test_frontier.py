@@ -8,8 +8,10 @@ from push_recovery.envs.scenario.scenario import AT_REST
 from push_recovery.eval.cli.main import parse
 from push_recovery.eval.cli.studies import Frontier as FrontierOptions
 from push_recovery.eval.report import frontier
+from push_recovery.eval.report.frontier import frontier_table
 from push_recovery.eval.report.page import Command, command_of
-from push_recovery.eval.score.frontier import DirectionLimits, Frontier, FrontierSettings, frontier_table
+from push_recovery.eval.score.frontier import Frontier, FrontierSettings
+from push_recovery.eval.score.limits import DirectionLimits
 
 pytest.importorskip("jinja2", reason="needs the extra report")
 FALL = {
@@ -32,7 +34,7 @@ def found(tmp_path):
     }
     limits = {0.0: (400.0, 200.0, 160.0), 90.0: (200.0, 90.0, 125.0), 180.0: (0.0, 50.0, 80.0)}
     limits = {psi: DirectionLimits(*forces) for psi, forces in limits.items()}
-    return Frontier(FrontierSettings("PushRecovery/Pendulum-v0"), rows, limits, tmp_path)
+    return Frontier(FrontierSettings("PushRecovery/Pendulum-v0"), rows, limits, tmp_path, 60.0)
 
 
 def test_shares_are_of_the_own_box_where_it_has_a_limit(found):

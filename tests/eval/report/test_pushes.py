@@ -11,7 +11,7 @@ from push_recovery.eval.record.words import sector_of
 from push_recovery.eval.report import pushes as parts
 from push_recovery.eval.report.pushes import Curve
 from push_recovery.eval.rollout.environments import make_env
-from push_recovery.eval.score.frontier import limit_share
+from push_recovery.eval.score.limits import limit_share
 from push_recovery.eval.score.suites import get_suite
 
 

@@ -66,7 +66,7 @@ def test_every_function_takes_the_name(shipped, tmp_path):
     labelled = evaluate({"mine": "residual"}, SUITE, toy.ENV_ID, out=tmp_path / "e").rows["mine"]
     assert {row["policy_sha256"] for row in labelled} == {policy_sources("residual")["residual"].digest()}
     assert compare("residual", "scratch", SUITE, toy.ENV_ID, out=tmp_path / "c").b == "scratch"
-    found = frontier("residual", 1, toy.ENV_ID, grid=100, out=tmp_path / "f")
+    found = frontier("residual", 1, toy.ENV_ID, grid=100, replicas=1, out=tmp_path / "f")
     assert set(found.rows) == {"residual"}
 
 

@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.observation import DCM, STANCE_CONTACT, SWING_CONTACT, SWING_POSITION
 from push_recovery.controllers.model.robot import REFERENCE
 from push_recovery.controllers.whole_body.kinematics import NU, NV
 from push_recovery.envs.biped.env import BipedEpisodes
@@ -133,17 +134,50 @@ def test_sums_over_periods_are_those_by_hand(episodes):
     core.margin[0], core.truth[0, 15:17], core.physics.ctrl[0, 0] = 0.4, (0.15, 0.0), -30.0
     meter.look()
     names = ("steps", "smallest_margin", "dcm_error", "velocity_error", "trunk_excursion", "peak_torque")
-    assert [name for name in meter.of(0) if name != "heading_error"] == [*names, "mean_torque", "energy"]
+    apart = {"heading_error", "margin_of_stability"}
+    assert [name for name in meter.of(0) if name not in apart] == [*names, "mean_torque", "energy"]
     mean, energy = (10 + 20 + 30 + 20) / 4, 0.01 * (10 * 2 + 20 * 3 + 30 * 2 + 20 * 3)
-    assert list(meter.of(0).values()) == [7, 0.3, 0.01, 0.1, 0.2, 0.0, 30.0, mean, pytest.approx(energy)]
+    assert list(meter.of(0).values()) == [
+        7,
+        0.3,
+        None,
+        0.01,
+        0.1,
+        0.2,
+        0.0,
+        30.0,
+        mean,
+        pytest.approx(energy),
+    ]
     # Its margin was never known, its velocity is judged from the third touchdown on; the true rate counts
     energy = pytest.approx(0.01 * 2 * 4.0)
-    assert list(meter.of(1).values()) == [1, None, 0.02, None, 0.0, 0.0, 1.0, 0.5, energy]
+    assert list(meter.of(1).values()) == [1, None, None, 0.02, None, 0.0, 0.0, 1.0, 0.5, energy]
     meter.begin(0)
     core.margin[0], core.truth[0], core.physics.ctrl[0] = 0.6, 0.0, 0.0
     meter.look()
     assert (meter.of(0)["smallest_margin"], meter.of(0)["peak_torque"], meter.of(0)["energy"]) == (0.6, 0, 0)
     assert meter.of(1)["peak_torque"] == 1.0
+
+
+def test_the_margin_of_stability_is_the_least_distance_from_the_border_of_what_stands(episodes):
+    """Soles of 0.2 x 0.1 m; of a robot on both feet their hull, of one in flight nothing."""
+    meter, truth = EffortMeter(episodes), episodes.core.truth
+    meter.begin(0)
+    truth[0, DCM], truth[0, SWING_POSITION] = (0.02, 0.01), (0.0, 0.2, 0.0)
+    meter.look()
+    assert meter.of(0)["margin_of_stability"] is None  # in flight
+    for contacts, dcm, margin in (
+        ((1, 0), (0.02, 0.01), 0.04),  # 4 cm to the side
+        ((1, 1), (0.03, 0.1), 0.04),  # between the feet, far from every side
+        ((1, 0), (0.03, 0.1), -0.05),  # the same on one foot
+        ((0, 1), (0.0, 0.11), -0.05),  # within the other sole: no less than before
+        ((1, 1), (0.13, 0.29), -0.05),  # 3 cm before and 4 cm beside the corner of the outer sole
+        ((1, 1), (0.16, 0.33), -0.1),
+        ((1, 0), (math.nan, 0.0), -0.1),
+    ):
+        truth[0, [STANCE_CONTACT, SWING_CONTACT]], truth[0, DCM] = contacts, dcm
+        meter.look()
+        assert meter.of(0)["margin_of_stability"] == pytest.approx(margin), (contacts, dcm)
 
 
 def test_the_heading_is_held_against_the_commanded_turns(episodes):

@@ -1,144 +1,26 @@
-"""Scans on hand-written outcomes, F* of a robot that walks and shares of it, and the frontier's table."""
+"""Searches on hand-written outcomes, the run of all directions, and the frontier's table."""
 
 import json
 import math
 from dataclasses import replace
-from itertools import count, islice
+from itertools import islice
 from pathlib import Path
 
-import numpy as np
 import pytest
 import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
-from push_recovery.controllers.model.capturability import capture_margin, recoverable_offset
-from push_recovery.controllers.model.gait_box import GaitLimits
-from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
-from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
 from push_recovery.envs.scenario.model_errors import ModelErrors
-from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
+from push_recovery.envs.scenario.push import GaitEvent
 from push_recovery.envs.scenario.scenario import AT_REST, HARDWARE, IN_PLACE, Command
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.report import frontier as report
 from push_recovery.eval.rollout import DEFAULT_ENV
-from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.outcome import Outcome
 from push_recovery.eval.score import frontier as scans
+from push_recovery.eval.score import limits
 from push_recovery.eval.score.frontier import FrontierSettings
-
-
-def test_the_largest_before_the_first_failure_and_at_all():
-    found = scans.Scanned.of({30.0: False, 10.0: True, 20.0: True, 40.0: True, 50.0: False})
-    assert found == scans.Scanned(survived=20.0, largest_survived=40.0, failed=(30.0, 50.0))
-    assert scans.Scanned.of({10.0: False, 20.0: True}) == scans.Scanned(0.0, 20.0, (10.0,))
-    assert scans.Scanned.of({10.0: True, 20.0: True}) == scans.Scanned(20.0, 20.0, ())
-    assert scans.Scanned.of({}) == scans.Scanned(0.0, 0.0, ())
-
-
-@pytest.mark.parametrize("at_once", [1, 2, 5, 50])
-def test_a_scan_ends_so_far_past_the_first_failure_whatever_runs_at_once(at_once):
-    asked = []
-
-    def run(strengths):
-        while chunk := list(islice(strengths, at_once)):
-            asked.extend(chunk)
-            yield from ((strength, strength not in {7.0, 9.0}) for strength in reversed(chunk))
-
-    found = scans.scan_upwards(run, (float(k) for k in count(1)), 3.0, bool)
-    assert found == {float(k): k not in {7, 9} for k in range(1, 11)}
-    assert list(found) == sorted(found)
-    assert len(asked) < 11 + at_once
-
-
-def test_a_scan_without_failure_takes_every_strength():
-    found = scans.scan_upwards(lambda strengths: ((s, True) for s in strengths), [1.0, 2.0], 0.5, bool)
-    assert found == {1.0: True, 2.0: True}
-
-
-def test_multiples_end_at_the_cap():
-    assert list(scans.multiples(1500.0)) == [1500.0, 3000.0]
-    assert list(scans.multiples(20.0))[-1] == scans.FORCE_CAP
-    assert list(scans.multiples(scans.FORCE_CAP)) == [scans.FORCE_CAP]
-    assert len(list(scans.multiples(0.1))) == 40000  # 4000 / 0.1 is 40000 but for rounding
-
-
-PAPER, PAPER_LIMITS = RobotModel(), GaitLimits.of(RobotModel())
-DURATION = 0.1
-
-
-def force_for(robot: RobotModel, shift: float) -> float:
-    """A push that moves the DCM by `shift` [m]: F (1 - exp(-omega d)) / (m omega^2)."""
-    return shift * robot.mass * robot.omega**2 / (1.0 - math.exp(-robot.omega * DURATION))
-
-
-@pytest.fixture(scope="module")
-def env():
-    made = make_env("PushRecovery/Pendulum-v0")
-    yield made
-    made.close()
-
-
-@pytest.mark.parametrize("command", [Command(0.3, 0.1), Command(0.3, -0.1), Command(-0.2, 0.15)])
-def test_the_limit_starts_from_the_gait_of_the_command(env, command):
-    """On left stance the swing side is the right one: a velocity to the left narrows the step."""
-    gait = nominal_gait(PAPER, PAPER_LIMITS, (command.vx, -command.vy))
-    assert (gait.width < PAPER.pelvis_width) == (command.vy > 0)
-    x, y = step_start_dcm(gait, PAPER.pelvis_width, PAPER.omega)
-    bounds = recoverable_offset(PAPER, PAPER_LIMITS)
-    sagittal = (0.0, bounds.high[0] - x), (math.pi, x - bounds.low[0])
-    lateral = (-math.pi / 2, bounds.high[1] - y), (math.pi / 2, y - bounds.low[1])
-    for psi, room in (*sagittal, *lateral):
-        expected = pytest.approx(force_for(PAPER, room))
-        assert scans.limit_force(env, psi, DURATION, command) == expected
-        assert scans.own_limit_force(env, psi, DURATION, command) == expected
-
-
-def test_the_own_limit_is_of_the_robots_box_and_the_papers_is_not():
-    small = GaitLimits(length_min=-0.3, length_max=0.3)
-    env = make_env("PushRecovery/Pendulum-v0", limits=small)
-    x, _ = step_start_dcm(nominal_gait(PAPER, small), PAPER.pelvis_width, PAPER.omega)
-    for found, limits in ((scans.own_limit_force, small), (scans.limit_force, PAPER_LIMITS)):
-        room = recoverable_offset(PAPER, limits).high[0] - x
-        assert found(env, 0.0, DURATION, Command()) == pytest.approx(force_for(PAPER, room))
-    point = recoverable_offset(PAPER, small, foot=False, flywheel=False).high[0] - x
-    found = scans.own_limit_force(env, 0.0, DURATION, Command(), point_foot=True)
-    assert found == pytest.approx(force_for(PAPER, point))
-
-
-WALKS = [Command(), Command(0.3, 0.1), Command(-0.2, -0.15)]
-
-
-@pytest.mark.parametrize("command", WALKS)
-@pytest.mark.parametrize("psi", [0.0, 0.7, -2.1, 3.0])
-def test_at_the_start_of_a_left_stance_it_is_the_force_by_the_limit(env, command, psi):
-    push = polar_push(120.0, psi, 0.1, GaitEvent(4, "left"))
-    assert scans.limit_share(env, push, command) == pytest.approx(
-        120.0 / scans.own_limit_force(env, psi, 0.1, command)
-    )
-
-
-@pytest.mark.parametrize("command", WALKS)
-@pytest.mark.parametrize("psi", [0.3, -0.9, 2.5])
-def test_in_mid_step_the_limit_brings_the_dcm_to_its_bound(env, command, psi):
-    robot, limits = env.unwrapped.robot, env.unwrapped.limits
-    push = polar_push(100.0, psi, 0.2, GaitEvent(4, "left", 0.6))
-    share = scans.limit_share(env, push, command)
-    assert share is not None
-    gait = nominal_gait(robot, limits, (command.vx, -command.vy))
-    elapsed = 0.6 * gait.duration
-    start = np.array(step_start_dcm(gait, robot.pelvis_width, robot.omega)) * math.exp(robot.omega * elapsed)
-    shift = 100.0 * (1.0 - math.exp(-robot.omega * 0.2)) / (robot.mass * robot.omega**2)
-    pushed = start + shift / share * np.array([math.cos(psi), -math.sin(psi)])
-    assert capture_margin(robot, limits, elapsed, pushed) == pytest.approx(0.0, abs=1e-12)
-
-
-def test_a_mirrored_push_has_the_same_share_and_one_at_a_time_has_none(env):
-    assert scans.limit_share(env, Push((50.0, 0.0, 0.0), 0.1, 2.0), Command()) is None
-    push, command = polar_push(90.0, 1.1, 0.1, GaitEvent(4, "right", 0.3)), Command(0.2, 0.1)
-    mirrored = scans.limit_share(env, push.mirrored(), replace(command, vy=-command.vy))
-    assert scans.limit_share(env, push, command) == pytest.approx(mirrored)
-    assert scans.limit_share(env, push, command) != pytest.approx(
-        scans.limit_share(env, push.mirrored(), command)
-    )
+from push_recovery.eval.score.threshold import BEYOND, directions_deg
 
 
 class Holes:
@@ -158,12 +40,12 @@ class Holes:
         force = math.hypot(*scenario.pushes[0].force)
         self.forces.append(round(force, 6))
         ok = bool(self.survives(force))
-        limits = "cop", {"cop": 1.0, "contact": 1.1}, {"cop": 0.25, "contact": force / 1000}
+        met = "cop", {"cop": 1.0, "contact": 1.1}, {"cop": 0.25, "contact": force / 1000}
         recovered = ok and force < 100.0  # the largest force survived counts, settled or not
         end = None, None if ok else "low", 1.0, 1, 0.0
         push = force / 10, 0.0, 1, (0.0, 0.0)
         steps = {"steps": int(force > 130.0)}
-        return Outcome(scenario.id, policy, ok, recovered, *end, *push, *limits, measures=steps)
+        return Outcome(scenario.id, policy, ok, recovered, *end, *push, *met, measures=steps)
 
 
 def scan_with(survives, grid=20.0, command=IN_PLACE):
@@ -177,7 +59,7 @@ def test_scan_goes_100_newtons_past_the_first_failure():
     assert (row["survived_N"], row["largest_survived_N"]) == (200.0, 280.0)
     assert row["failed_N"] == [220.0, 240.0, 300.0, 320.0]
     assert forces == [20.0 * k for k in range(1, 17)]
-    assert forces[-1] == 220.0 + scans.BEYOND
+    assert forces[-1] == 220.0 + BEYOND
     row, forces = scan_with(lambda force: False, grid=10.0)  # always falls
     assert (row["survived_N"], row["largest_survived_N"]) == (0.0, 0.0)
     assert forces == [10.0 * k for k in range(1, 12)]
@@ -197,26 +79,16 @@ def test_a_standing_robot_is_pushed_at_rest():
     assert (push.start, push.force) == (0.5, pytest.approx((0.0, 140.0, 0.0), abs=1e-12))
 
 
-@pytest.mark.parametrize(("psi", "reach"), [(0.0, 0.1), (math.pi / 2, 0.15)])
-def test_the_standing_limit_is_how_far_both_soles_reach_and_what_the_trunk_gives(env, psi, reach):
-    """0.2 x 0.1 m soles whose centres are 0.2 m apart; B by the closed form of a bang-bang swing."""
-    torque, inertia, lean = PAPER.trunk_torque_max, PAPER.trunk_inertia, PAPER.trunk_angle_max
-    swing = math.sqrt(lean * inertia / torque)
-    reserve = torque / (PAPER.mass * 9.81) * (1.0 - math.exp(-PAPER.omega * swing)) ** 2
-    expected = force_for(PAPER, reach + reserve)
-    assert scans.standing_limit_force(env, psi, DURATION) == pytest.approx(expected, rel=1e-6)
-
-
 def test_the_pendulum_catches_in_place_what_its_own_limit_leaves_it(tmp_path):
     """A period of 10 ms late it loses 3.4 % of F*_stand: 450 N forward, 575 N aside."""
     settings = FrontierSettings("PushRecovery/Pendulum-v0", 100.0, command=AT_REST)
     found = scans.frontier(settings, ["two-stage"], 4, 1, tmp_path).to_dict("two-stage")["directions"]
     assert [entry["stand_N"] for entry in found] == [400.0, 500.0, 400.0, 500.0]
     assert all(entry["survived_N"] > entry["own_stand_limit_N"] for entry in found[::2])
-    scans.save_pictures(scans.frontier(settings, ["two-stage"], 4, 1, tmp_path))
+    report.save_pictures(scans.frontier(settings, ["two-stage"], 4, 1, tmp_path))
     text = (tmp_path / "frontier.svg").read_text()
     assert "two-stage without a step" in text
-    assert scans.STAND in text
+    assert limits.STAND in text
 
 
 def test_scan_keeps_the_limits_of_every_failed_force():
@@ -226,7 +98,7 @@ def test_scan_keeps_the_limits_of_every_failed_force():
         "force_N": 320.0, "failure_reason": "low", "first_limit": "cop",
         "limits_met": {"cop": 1.0, "contact": 1.1}, "limit_shares": {"cop": 0.25, "contact": 0.32},
     }  # fmt: skip
-    assert scans.fall_cell(row["falls"]) == "CoP; contact 0.32, CoP 0.25"
+    assert report.fall_cell(row["falls"]) == "CoP; contact 0.32, CoP 0.25"
 
 
 def test_a_fall_is_told_by_the_limit_met_first_and_the_three_met_longest():
@@ -234,8 +106,8 @@ def test_a_fall_is_told_by_the_limit_met_first_and_the_three_met_longest():
     shares = {"cop": 0.25, "contact": 0.5, "sole_edge": 0.125, "leg_reach": 0.5}
     falls = [{"first_limit": "sole_edge", "limit_shares": shares}, {"first_limit": "cop", "limit_shares": {}}]
     longest = [name.replace("_", " ") for name in sorted(("contact", "leg_reach"), key=LIMIT_NAMES.index)]
-    assert scans.fall_cell(falls) == "sole edge; {} 0.50, {} 0.50, CoP 0.25".format(*longest)
-    assert scans.fall_cell([{"first_limit": None, "limit_shares": {}}]) == scans.fall_cell([]) == "-"
+    assert report.fall_cell(falls) == "sole edge; {} 0.50, {} 0.50, CoP 0.25".format(*longest)
+    assert report.fall_cell([{"first_limit": None, "limit_shares": {}}]) == report.fall_cell([]) == "-"
 
 
 class SideBySide(Holes):
@@ -279,18 +151,19 @@ def test_push_of_the_contract():
 def test_grid_and_directions():
     assert scans.default_grid("PushRecovery/Pendulum-v0") == 10.0
     assert scans.default_grid("PushRecovery/Biped-v0") == scans.default_grid(toy.ENV_ID) == 20.0
-    assert scans.directions_deg(8) == [0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0]
+    assert scans.default_grid("PushRecovery/Pendulum-v0", 32) == 40.0  # 60 kg
+    assert directions_deg(8) == [0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0]
     with pytest.raises(InvalidValueError, match="directions"):
-        scans.directions_deg(0)
+        directions_deg(0)
     with pytest.raises(InvalidValueError, match="grid"):
         scans.FrontierSettings("env", grid=0.0)
 
 
-def test_json_and_pictures(tmp_path, capsys):
+def test_json_and_pictures_of_the_nominal_trajectory(tmp_path, capsys):
     policy = toy.save_policy(tmp_path / "strong.safetensors", 8.0)
     out = tmp_path / "out"
     argv = ["frontier", "--env", toy.ENV_ID, "--policy", policy, "--directions", "3", "--grid", "50"]
-    argv += ["--out", str(out), "--workers", "1"]
+    argv += ["--out", str(out), "--workers", "1", "--replicas", "1"]
     assert main([*argv, "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
     assert set(content) == {"env", "policy", "push", "directions"}
@@ -308,9 +181,9 @@ def test_json_and_pictures(tmp_path, capsys):
     assert main(argv) == 0
     assert (out / "outcomes.jsonl").read_text() == before
     assert "F* [N]" in capsys.readouterr().out
-    report = json.loads((out / "report.json").read_text())["policies"][policy]
-    assert [len(entry.pop("falls")) > 0 for entry in report["directions"]] == [True] * 3
-    assert report == content  # the report says nothing else than the contract's object
+    told = json.loads((out / "report.json").read_text())["policies"][policy]
+    assert [len(entry.pop("falls")) > 0 for entry in told["directions"]] == [True] * 3
+    assert told == content  # the report says nothing else than the contract's object
     assert "| psi [deg] | own F* [N] | paper's F* [N] |" in (out / "report.md").read_text()
 
 
@@ -322,30 +195,6 @@ def test_workers_change_nothing(tmp_path):
     assert one == two
 
 
-@pytest.mark.parametrize(("psi", "force"), [(-90, 641), (-45, 907), (0, 1120), (45, 582), (90, 412)])
-def test_limit_is_the_papers_in_place(psi, force):
-    # l_p 0.2 m, foot 0.2 x 0.1 m, T 0.65 s; on the left stance a push to the left is the hard one
-    env = make_env(toy.ENV_ID)
-    assert scans.limit_force(env, math.radians(psi), 0.1, Command()) == pytest.approx(force, abs=1.0)
-
-
-def test_own_limit_is_that_of_the_environments_own_box():
-    """Forward with a point foot: F = m omega^2 L_max / (e^(omega T_min) - 1) / (1 - e^(-omega d))."""
-    limits = replace(GaitLimits.of(RobotModel()), length_max=0.3, duration_min=0.4)
-    env = make_env("PushRecovery/Pendulum-v0", limits=limits)
-    mass, omega = 60.0, math.sqrt(9.81 / env.unwrapped.robot.com_height)  # type: ignore[attr-defined]
-    offset = 0.3 / (math.exp(0.4 * omega) - 1.0)
-    expected = mass * omega**2 * offset / (1.0 - math.exp(-0.1 * omega))
-    assert scans.own_limit_force(env, 0.0, 0.1, Command(), point_foot=True) == pytest.approx(expected)
-    found = scans.direction_limits(env, 0.0, 0.1, Command())
-    assert expected < found.own < found.paper == scans.limit_force(env, 0.0, 0.1, Command())
-    curves = scans.limit_curves(env, [0.0, -90.0], 0.1, Command())
-    assert list(curves) == [scans.OWN, scans.PAPER, scans.POINT_FOOT, scans.STAND]
-    for psi, own, paper, point, stand in zip((0.0, -90.0), *curves.values(), strict=True):
-        assert scans.DirectionLimits(own, paper, stand) == scans.direction_limits(env, psi, 0.1, Command())
-        assert point < own
-
-
 def row(psi, survived, largest):
     return {"policy": "p", "psi_deg": psi, "survived_N": survived, "largest_survived_N": largest, "falls": []}
 
@@ -353,13 +202,14 @@ def row(psi, survived, largest):
 FRONTIER = scans.Frontier(
     FrontierSettings("env"),
     {"p": [row(0.0, 100.0, 100.0), row(180.0, 150.0, 240.0)]},
-    {0.0: scans.DirectionLimits(400.0, 200.0, 125.0), 180.0: scans.DirectionLimits(300.0, 0.0, 75.0)},
+    {0.0: limits.DirectionLimits(400.0, 200.0, 125.0), 180.0: limits.DirectionLimits(300.0, 0.0, 75.0)},
     Path("out"),
+    60.0,
 )
 
 
 def test_shares_are_of_the_own_box_then_of_the_papers_in_the_table_and_in_the_contracts_object():
-    first, second = scans.frontier_table(FRONTIER).rows
+    first, second = report.frontier_table(FRONTIER).rows
     assert first == ("0", "400", "200", "125", "100 (0.25, 0.50)", "-")
     assert second == (
         "180",
@@ -370,9 +220,107 @@ def test_shares_are_of_the_own_box_then_of_the_papers_in_the_table_and_in_the_co
         "-",
     )  # more survived beyond the first failure
     columns = "psi [deg]", "own F* [N]", "paper's F* [N]", "own F*_stand [N]", "p", "falls by"
-    assert scans.frontier_table(FRONTIER).columns == columns
+    assert report.frontier_table(FRONTIER).columns == columns
     entry, _ = FRONTIER.to_dict("p")["directions"]
     assert entry == {
         "psi_deg": 0.0, "survived_N": 100.0, "largest_survived_N": 100.0, "limit_N": 200.0, "fraction": 0.5,
         "own_limit_N": 400.0, "own_fraction": 0.25, "own_stand_limit_N": 125.0,
     }  # fmt: skip
+
+
+class ByPhase(SideBySide):
+    """A runner whose robots recover from 200 N at the start of the step, and 400 N more at its end."""
+
+    def __init__(self):
+        super().__init__(None)
+        self.seen = {}
+
+    def run(self, policy, scenario):
+        (push,), force = scenario.pushes, math.hypot(*scenario.pushes[0].force)
+        self.seen.setdefault(round(force, 6), []).append(scenario)
+        ok = force <= 200.0 + 400.0 * push.start.fraction
+        end = None, None if ok else "low", 1.0, 1, 0.0
+        met = "cop", {"cop": 1.0}, {"cop": 0.25}
+        return Outcome(scenario.id, policy, ok, ok, *end, force / 10, 0.0, 1, (0.0, 0.0), *met)
+
+
+REPLICATED = FrontierSettings("env", 20.0, replicas=40, replica_seed=3)
+
+
+def test_a_threshold_is_the_force_of_the_phase_that_a_fifth_are_weaker_than():
+    runner = ByPhase()
+    row = scans.scan(runner, scans.ScanJob(REPLICATED, "p", 30.0))  # type: ignore[arg-type]
+    control = scans.scan(ByPhase(), scans.ScanJob(REPLICATED, "p", None))  # type: ignore[arg-type]
+    assert (control["forces_N"], control["recovered"], control["falls"]) == ([0.0], ["1" * 40], [])
+    entry = REPLICATED.search.entry(row, control)
+    assert entry["threshold_N"] == pytest.approx(200.0 + 400.0 * 0.2, abs=20.0)
+    assert entry["J50_Ns"] == pytest.approx(0.1 * 400.0, abs=2.0)
+    assert entry["J95_Ns"] == pytest.approx(0.1 * 220.0, abs=2.0)
+    low, high = entry["threshold_ci95"]
+    assert low < 280.0 < high
+    assert high - low < 100.0
+    assert entry["islands"] == []  # what is harder is not survived again
+    assert 200.0 < entry["first_failure_N"] < 260.0
+    assert entry["survived_N"] < entry["first_failure_N"]
+    weakest = row["falls"][0]
+    assert (weakest["force_N"], weakest["replica"]) == (entry["first_failure_N"], 0)
+    told = [len(scenarios) for scenarios in runner.seen.values()]
+    assert told == [40] * len(row["forces_N"])
+    first, *others = runner.seen.values()
+    for scenarios in others:  # the same replicas for every force
+        assert [(s.pushes[0].start, s.start, s.noise_seed) for s in sorted(scenarios, key=_phase)] == [
+            (s.pushes[0].start, s.start, s.noise_seed) for s in sorted(first, key=_phase)
+        ]
+
+
+def _phase(scenario):
+    return scenario.pushes[0].start.fraction
+
+
+def test_a_policy_that_falls_unpushed_has_no_threshold():
+    row = scans.scan(ByPhase(), scans.ScanJob(REPLICATED, "p", 30.0))  # type: ignore[arg-type]
+    control = {"forces_N": [0.0], "recovered": ["10" * 20]}
+    entry = REPLICATED.search.entry(row, control)
+    assert (entry["threshold_N"], entry["first_failure_N"], entry["survived_N"]) == (0.0, 0.0, 0.0)
+
+
+def test_replicas_of_a_push():
+    nominal, replica = REPLICATED.scenario(90.0, 140.0), REPLICATED.replicated(90.0, 140.0, 7)
+    assert replica.pushes[0].force == nominal.pushes[0].force
+    assert replica.pushes[0].start == GaitEvent(4, "left", REPLICATED.drawn[7].phase)
+    assert 7 / 40 <= REPLICATED.drawn[7].phase < 8 / 40
+    assert (replica.start, replica.noise_seed) == (REPLICATED.drawn[7].start, REPLICATED.drawn[7].noise_seed)
+    standing = replace(REPLICATED, command=AT_REST).replicated(90.0, 140.0, 7)
+    assert standing.pushes[0].start == 0.5 + 0.5 * REPLICATED.drawn[7].phase
+    with pytest.raises(InvalidValueError, match=r"replica must be in \[0, 39\] of 40 replicas, got 40"):
+        REPLICATED.replicated(90.0, 140.0, 40)
+
+
+def test_json_table_page_and_picture_of_replicas(tmp_path, capsys):
+    pytest.importorskip("jinja2", reason="needs the extra report")
+    argv = ["frontier", "--env", "PushRecovery/Pendulum-v0", "--policy", "stage-1", "--directions", "2"]
+    argv += ["--grid", "100", "--replicas", "4", "--out", str(tmp_path), "--workers", "1"]
+    assert main([*argv, "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["replicas"] == {"count": 4, "seed": 0}
+    assert content["unpushed_recovered"] == 4
+    for entry in content["directions"]:
+        low, high = entry["threshold_ci95"]
+        assert 0 <= low < entry["threshold_N"] < high
+        assert entry["J95_Ns"] <= 0.1 * entry["threshold_N"] <= entry["J50_Ns"]
+        assert entry["J50_Ns_per_kg"] == pytest.approx(entry["J50_Ns"] / 60.0)
+        assert entry["threshold_limit_N"] > entry["own_limit_N"]  # later in the step a push is easier
+        assert 0.3 < entry["threshold_fraction"] < 1.0
+        assert {"survived_N", "largest_survived_N", "limit_N", "fraction", "islands"} < set(entry)
+    assert main(argv) == 0  # nothing is left to run
+    told = capsys.readouterr().out
+    assert "unpushed" in told
+    assert "4 of 4 recover" in told
+    assert "J50 [N s]" in told
+    assert "first failure" in (tmp_path / "report.md").read_text()
+    page = (tmp_path / "report.html").read_text()
+    assert "That is done on 4 replicas" in page
+    assert limits.PHASES in (tmp_path / "frontier.svg").read_text()
+    replay = page.split("push-recovery play")[1].split("</code>")[0]
+    assert "--replicas 4" in replay
+    assert "--replica " in replay
