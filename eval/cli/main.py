@@ -24,21 +24,21 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
                  "Score policies on a suite: recovery rates on the same pushes."),
     "compare": (".score", "Compare",
                 "Compare two policies on the same pushes: exact McNemar test and score interval."),
-    "frontier": (".studies", "Frontier",
+    "frontier": (".score", "Frontier",
                  "Find the largest push in each direction that 0.8 of replicas recover from: on a left "
                  "stance after four nominal steps, at any phase, with another start and noise each."),
-    "basin": (".studies", "Basin",
+    "basin": (".score", "Basin",
               "Map from which DCM how many steps bring a robot to where it need not step, beside theory: the "
               "N-step capture basin."),
-    "sensitivity": (".studies", "Sensitivity",
+    "sensitivity": (".score", "Sensitivity",
                     "Run a sample of a suite under other solvers, time steps, contacts, losses and "
                     "delays: what its outcomes depend on."),
-    "ceiling": (".studies", "CeilingCommand",
+    "ceiling": (".score", "CeilingCommand",
                 "Search every push that all policies lose for actions that recover from it: a lower bound on "
                 "what is possible."),
-    "corrections": (".studies", "Corrections",
+    "corrections": (".score", "Corrections",
                     "Show what a residual adds to the planner, by the direction of the push and by step."),
-    "reproduce": (".studies", "Reproduce",
+    "reproduce": (".score", "Reproduce",
                   "Measure the paper's results again on the pendulum: scenarios, ablations, limits, "
                   "pictures."),
     "tune": (".tools", "Tune",

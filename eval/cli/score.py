@@ -1,5 +1,6 @@
 """`push-recovery evaluate` and `compare`."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -8,10 +9,10 @@ from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
-from ...controllers.errors import InvalidValueError
+from ...controllers.errors import InvalidValueError, shown
 from ..rollout import TABLE_ARMS
 from . import options
-from .options import Count, Flag
+from .options import Count, CountOrNone, EnvOptions, Flag, Policies, Real, RunningOptions, SuiteName, within
 
 ARCHIVE = ".zip"
 LOADER = "...training.model_policy"  # a package after this one, which is loaded only where it is needed
@@ -144,3 +145,203 @@ class Compare(SuiteOptions, options.RobotOptions):
         outcomes = f"outcomes: {found.directory / 'outcomes.jsonl'}"
         self.show(found.to_dict(), [report.comparison_table(found)], [outcomes, *page])
         self.make_films(found.evaluation)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frontier(EnvOptions, options.PushOptions, RunningOptions):
+    """Find the largest push that is recovered from, by direction."""
+
+    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE", aliases=("--policy",))] = ("two-stage",)
+    """Policies in one picture: names (see list), policy files, or MODULE:ATTRIBUTE."""
+    directions: Count = field(default=16, metadata=within(1))
+    """Number of directions, evenly spread, counter-clockwise from forward."""
+    grid: options.RealOrNone = field(default=None, metadata=within(1, 1000))
+    """Least step between the forces that are tried [N] (by default 40 for 60 kg and as much less for less;
+    with one replica 10 on the pendulum and 20 elsewhere)."""
+
+    def run(self) -> None:
+        """Write picture and frontier.json, print the table or the object."""
+        from ...controllers.files import write_text
+        from ..report import frontier as report
+        from ..report import page
+        from ..score import frontier as scan
+
+        settings = self.scanned(self.env_id, grid=self.grid or scan.default_grid(self.env_id, self.replicas))
+        found = scan.frontier(
+            settings, self.policies, self.directions, self.processes, self.directory, self.overwrite
+        )
+        objects = {name: found.to_dict(name) for name in found.rows}
+        content = next(iter(objects.values())) if len(objects) == 1 else {"policies": objects}
+        write_text(found.directory / "frontier.json", json.dumps(content, indent=1) + "\n")
+        lines = [
+            f"report: {report.write_frontier_reports(found)}",
+            "pictures: " + ", ".join(map(str, report.save_pictures(found))),
+            *options.page_lines(lambda: report.write_frontier_page(found, page.command_of("frontier", self))),
+        ]
+        tables = filter(None, [report.frontier_table(found), report.replicas_table(found)])
+        self.show(content, tables, lines)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Basin(EnvOptions, RunningOptions):
+    """Map the N-step capture basin, measured and by theory."""
+
+    policies: Policies = ("two-stage",)
+    points: Count = field(default=21, metadata=within(2, 400))
+    """Number of points along each axis of the grid of DCMs."""
+
+    def run(self) -> None:
+        """Run the kicks, print the table or the object, write reports and pictures."""
+        from ..score import basin
+
+        found = basin.basin(
+            self.env_id, self.policies, self.points, self.processes, self.directory, self.overwrite
+        )
+        pictures = ", ".join(map(str, basin.save_basin(found)))
+        lines = [f"report: {basin.write_basin_reports(found)}", f"pictures: {pictures}"]
+        self.show(found.to_dict(), [basin.basin_table(found)], lines)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensitivity(EnvOptions, RunningOptions):
+    """Measure what outcomes depend on."""
+
+    suite: SuiteName = "hard"
+    sample: Count = field(default=128, metadata=within(1))
+    """Number of pushes, evenly spread over the suite."""
+    policies: Policies = ("two-stage",)
+    variations: Annotated[tuple[str, ...] | None, arg(metavar="NAME", help_behavior_hint="")] = None
+    """Variations to run, such as step-1ms elliptic joint-friction-1 hardware (docs/generated/sensitivity.md;
+    by default all of them)."""
+
+    def run(self) -> None:
+        """Run the variations, print a table for each policy or the object, write the reports."""
+        from ..score import sensitivity as study
+        from ..score.suites import get_suite
+
+        found = study.sensitivity(
+            get_suite(self.suite, self.env_id), self.sample, self.env_id, self.policies,
+            tuple(study.VARIATIONS) if self.variations is None else self.variations,
+            self.processes, self.directory, self.overwrite,
+        )  # fmt: skip
+        report = f"report: {study.write_sensitivity_reports(found)}"
+        self.show(found.to_dict(), study.sensitivity_tables(found), [report])
+
+
+@dataclass(frozen=True, kw_only=True)
+class CeilingCommand(EnvOptions, options.RobotOptions, RunningOptions):
+    """Search what is possible at least; the settings are those of `CeilingSettings`."""
+
+    suite: SuiteName = "hard"
+    sample: CountOrNone = field(default=None, metadata=within(1))
+    """Number of pushes, evenly spread over the suite (by default all of them)."""
+    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = TABLE_ARMS
+    """Policies whose lost pushes are searched: names (see list), policy files, or MODULE:ATTRIBUTE."""
+    planner: Annotated[str, arg(metavar="NAME")] = "two-stage"
+    """The planner whose actions are corrected."""
+    steps: Count = field(default=4, metadata=within(1, 100))
+    """Number of steps that have a correction of their own, counted from the step in which the push comes."""
+    population: Count = field(default=64, metadata=within(2, 10_000))
+    """Number of attempts in a generation."""
+    generations: Count = field(default=20, metadata=within(1, 100_000))
+    """Largest number of generations; times the population it is the budget of a push."""
+    elites: Count = field(default=8, metadata=within(1, 10_000))
+    """Number of best attempts from which the next generation is drawn."""
+    spread: Real = field(default=0.8, metadata=within(0.01, 10))
+    """Standard deviation of the first generation, as a share of the largest correction."""
+    scale: Real = field(default=1.0, metadata=within(0.01, 10))
+    """Largest correction, as a multiple of the one of BipedResidual-v0."""
+    seed: Count = field(default=0, metadata=within(0))
+    """Seed of the searches."""
+
+    def run(self) -> None:
+        """Evaluate, search, print the table or the object, write the reports."""
+        from .. import ceiling, hindsight
+
+        settings = hindsight.CeilingSettings(
+            policy=self.planner, steps=self.steps, population=self.population, elites=self.elites,
+            generations=self.generations, spread=self.spread, scale=self.scale, seed=self.seed,
+        )  # fmt: skip
+        suite = options.pushes_of(self, self.sample)
+        found = ceiling.ceiling(
+            suite, self.env_id, self.policies, settings, self.processes, self.directory, self.overwrite
+        )
+        lines = [ceiling.search_lines(found).rstrip(), f"report: {ceiling.write_ceiling_reports(found)}"]
+        self.show(found.to_dict(), [ceiling.ceiling_table(found)], lines)
+
+
+FOLDER = Path("runs/corrections")
+ALONE = 2.0  # what a robot costs alone, of its cost among others
+
+
+@dataclass(frozen=True, kw_only=True)
+class Corrections(EnvOptions, options.RobotOptions):
+    """Show what a residual adds to the planner, by the direction of the push and by step."""
+
+    policy: Annotated[Positional[str], arg(metavar="NAME|FILE")]
+    """Name or file of a residual on gait actions, such as residual."""
+    suite: SuiteName = "hard"
+    sample: Count = field(default=256, metadata=within(1))
+    """Number of pushes, evenly spread over the suite; each runs with the residual and without it."""
+    out: options.Directory = None
+    """Directory for corrections.md and its figure (default: runs/corrections)."""
+
+    def run(self) -> None:
+        """Run the pushes, print the tables, write corrections.md and corrections.png."""
+        from ...controllers.files import write_text
+        from ..output.progress import Work, about, episode_seconds, progress_bars
+        from ..record import corrections
+        from ..rollout.policy_source import acting_in
+
+        suite = options.pushes_of(self, self.sample)
+        directory, found = FOLDER if self.out is None else Path(self.out), []
+        what = f"{self.sample} pushes of {suite.name}, each with {self.policy} and without"
+        length = about(ALONE * 2.0 * episode_seconds(self.env_id, suite.scenarios))
+        with (
+            acting_in(self.env_id, self.policy) as (env, policy, name),
+            progress_bars([name], self.sample, Work(what, length, directory)) as bars,
+        ):
+            for one in corrections.collect(env, policy, suite.scenarios):
+                found.append(one)
+                bars.set(name, len(found), "")
+        summary = corrections.summarise(found)
+        parts = [f"# What {name} adds, on {suite.name} ({self.profile})", corrections.outcome_table(summary)]
+        for step, title in enumerate(corrections.STEP_NAMES):
+            about = f"## During {title}: mean (standard deviation)"
+            parts += [about, corrections.correction_table(summary, step)]
+        text = "\n\n".join(part.strip() for part in parts) + "\n"
+        directory.mkdir(parents=True, exist_ok=True)
+        write_text(directory / "corrections.md", text)
+        print(text)
+        for path in (directory / "corrections.md", *corrections.save_corrections(summary, directory)):
+            print(path)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reproduce(RunningOptions):
+    """Measure the paper's results again on the pendulum."""
+
+    section: Positional[Literal["all", "scenario-1", "scenario-2", "ablations", "limits"]] = "all"
+    """Part of the paper that is measured again."""
+    directions: Count = field(default=36, metadata=within(1))
+    """Number of directions of scenario 2, and of the limits up to 12, evenly spread, counter-clockwise
+    from forward."""
+    page: Annotated[str | None, arg(metavar="FILE.md", help_behavior_hint="")] = None
+    """Write a page that holds the paper's claims against the run, with its pictures beside it."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.page is not None and Path(self.page).suffix != ".md":
+            raise InvalidValueError(f"--page must name a .md file, got {shown(self.page)}")
+
+    def run(self) -> None:
+        """Reproduce, write everything into the directory, print the tables or the object."""
+        from ..report import page as pages
+        from ..reproduction.run import RESULT, TABLES, reproduce, write_reproduction_page
+
+        page = None if self.page is None else Path(self.page)
+        found = reproduce(self.section, self.directions, self.processes, self.directory, self.overwrite, page)
+        command = pages.command_of("reproduce", self, ("section",))
+        paths = (found.directory / RESULT, found.directory / TABLES, *found.pictures)
+        written = options.page_lines(lambda: write_reproduction_page(found, command))
+        self.show(found.content, found.tables, [*map(str, paths), *written])

@@ -60,7 +60,7 @@ class WarmUp(JsonOption):
     def run(self) -> None:
         """Compile, with a bar over the environments that are run for it."""
         from ...controllers.jit import cache_root
-        from ..bench import warmup
+        from ..bench import run as warmup
         from ..output.progress import Work, progress_bars
 
         names, length = warmup.names(), "about 2 minutes where they are to be compiled, else seconds"

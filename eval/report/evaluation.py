@@ -1,18 +1,32 @@
 """The page of `evaluate` and `compare`: policies on the same pushes, under one profile or several."""
 
+import base64
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 
-from ..record.film import STRIP
+from ...controllers.errors import PushRecoveryError
+from ...envs.biped.env import BipedEpisodes
+from ...envs.scenario.scenario import Scenario
+from ..record.film import STRIP, sheet, watch
 from ..rollout import environments, outcome
+from ..rollout.environments import make_env
+from ..rollout.outcome import reason_words
 from ..score.evaluate import Evaluation
-from ..score.report import EXPLAINED, Evaluations, evaluation_tables, limit_details, reasons_of
-from . import headline, pushes
-from .episodes import SIGNS, PicturePart, ending_figure, picture_part, scenario_lines
+from ..score.report import (
+    EXPLAINED,
+    Evaluations,
+    brief_measures,
+    evaluation_tables,
+    limit_details,
+    ranked,
+    reasons_of,
+)
+from . import headline, page, pushes
+from .headline import SEED, rival
 from .page import Command, manifest, require_report, rows_hash, short_labels, write_page
 
 NONE = PicturePart()
@@ -121,3 +135,124 @@ def _seeds(evaluation: Evaluation) -> str:
         "pushes are fixed by the suite's hash; noise of sensors and model errors by the noise_seed of each "
         f"scenario, {min(seeds)} to {max(seeds)}; nothing else is random"
     )
+
+
+LOOKS: tuple[dict[str, Any], ...] = (  # recovered, then reasons in turn
+    {"facecolor": page.BLUE},
+    {"facecolor": "white", "hatch": "////"},
+    {"facecolor": page.INK},
+    {"facecolor": page.PALE},
+    {"facecolor": "white", "hatch": "...."},
+    {"facecolor": page.GREY},
+)
+
+
+def ending_figure(evaluation: Evaluation) -> str:
+    """One bar for each policy: its pushes by what became of them."""
+    names = list(evaluation.rows)
+    scores = [evaluation.score(name) for name in names]
+    parts = [("recovered", [score.recovered for score in scores])]
+    for reason in reasons_of(evaluation):
+        parts.append((reason_words(reason), [score.failures.get(reason, 0) for score in scores]))
+    with page.panel(0.7 + 0.25 * len(names)) as (figure, axes):
+        left = [0] * len(names)
+        for index, (label, counts) in enumerate(parts):
+            look = LOOKS[index % len(LOOKS)]
+            axes.barh(
+                range(len(names)), counts, left=left, height=0.62, edgecolor=page.INK, linewidth=0.6,
+                label=label, **look,
+            )  # fmt: skip
+            left = [start + count for start, count in zip(left, counts, strict=True)]
+        axes.set_yticks(range(len(names)), [page.beside_axis(name) for name in names])
+        axes.invert_yaxis()
+        axes.set(xlabel="pushes", xlim=(0, len(evaluation.suite.scenarios)))
+        page.legend_below(figure)
+        words = "Pushes of each policy by what became of them; the numbers stand in the table"
+        return page.to_svg(figure, words)
+
+
+SIGNS = {"recovered": "\N{CHECK MARK}", "survived": "\N{WHITE CIRCLE}", "fell": "\N{MULTIPLICATION X}"}
+
+
+@dataclass(frozen=True)
+class ScenarioLine:
+    """A push and one sign for each policy, with words behind it: what became of it, and what it took."""
+
+    scenario_id: str
+    words: str
+    signs: tuple[tuple[str, str], ...]
+    kind: str  # all, none or some of the policies recover
+    share: str  # of F* at its moment; empty where there is none
+
+
+def _sign(row: Mapping[str, Any]) -> tuple[str, str]:
+    """One of SIGNS, and the words behind it."""
+    ending = "recovered" if row["recovered"] else "survived" if row["survived"] else "fell"
+    words = "" if row["recovered"] else page.outcome_words(row), brief_measures(row)
+    return SIGNS[ending], "; ".join(filter(None, words))
+
+
+def scenario_lines(evaluation: Evaluation, shares: Mapping[str, float]) -> list[ScenarioLine]:
+    """One line for each scenario, in the order of the suite; `shares` of F* by scenario, where it has one."""
+    lines = []
+    for scenario, rows in evaluation.by_scenario():
+        recovered = [row["recovered"] for row in rows]
+        kind = "all" if all(recovered) else "some" if any(recovered) else "none"
+        signs = tuple(map(_sign, rows))
+        share = f"{shares[scenario.id]:.2f}" if scenario.id in shares else ""
+        lines.append(ScenarioLine(scenario.id, page.scenario_words(scenario), signs, kind, share))
+    return lines
+
+
+@dataclass(frozen=True)
+class PicturePart:
+    """Captions and contents (addresses of the data themselves) of pictures, or why there are none."""
+
+    pictures: tuple[tuple[str, str], ...] = ()
+    reason: str = ""
+
+
+def opponents(evaluation: Evaluation) -> tuple[str, str] | None:
+    """The policy that recovers most and its rival; None where that differs by the seed of training alone."""
+    best, other = ranked(evaluation)[0], rival(evaluation)
+    return None if other is None or SEED.sub("", other) == SEED.sub("", best) else (best, other)
+
+
+def telling_pushes(evaluation: Evaluation, a: str, b: str) -> list[Scenario]:
+    """The weakest push that only a recovers from, and the weakest of b, as far as there are any."""
+    sides: dict[bool, list[tuple[float, int]]] = {True: [], False: []}  # whether a recovers
+    rows = zip(evaluation.suite.scenarios, evaluation.rows[a], evaluation.rows[b], strict=True)
+    for place, (scenario, of_a, of_b) in enumerate(rows):
+        if scenario.forces and of_a["recovered"] != of_b["recovered"]:
+            sides[of_a["recovered"]].append((of_a["impulse"], place))
+    return [evaluation.suite.scenarios[min(found)[1]] for found in sides.values() if found]
+
+
+def picture_part(evaluation: Evaluation) -> PicturePart:
+    """Draw the telling pushes of a biped; where nothing can be drawn, the reason."""
+    pair = opponents(evaluation)
+    if pair is None:
+        return PicturePart()
+    env = make_env(evaluation.env_id)
+    env.close()
+    if not isinstance(getattr(env.unwrapped, "episodes", None), BipedEpisodes):
+        return PicturePart()
+    try:
+        return PicturePart(
+            tuple(_drawn(evaluation, scenario, pair) for scenario in telling_pushes(evaluation, *pair))
+        )
+    except PushRecoveryError as error:
+        return PicturePart(reason=str(error))
+
+
+def _drawn(evaluation: Evaluation, scenario: Scenario, policies: tuple[str, str]) -> tuple[str, str]:
+    """Caption and content of the picture of one push under two policies."""
+    place = evaluation.suite.scenarios.index(scenario)
+    rows = []
+    for label in policies:
+        row = evaluation.rows[label][place]
+        camera = watch(evaluation.env_id, row["policy"], scenario)
+        rows.append((f"{label} {page.outcome_words(row, camera.start)}", camera))
+    content = base64.b64encode(sheet(rows)).decode()
+    caption = f"{scenario.id}: {page.scenario_words(scenario)}. {'; '.join(title for title, _ in rows)}."
+    return caption, f"data:image/jpeg;base64,{content}"

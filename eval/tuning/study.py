@@ -33,8 +33,7 @@ from ..protocols.run import biped_of
 from ..rollout.environments import code_digest, preset_digest, robot_of
 from ..score.suites import Suite
 from . import pushes
-from .pushes import TUNING, VARIED
-from .scorer import BIPED, PENDULUM, RECOVERED, Scorer, check_env, own_episodes
+from .pushes import BIPED, PENDULUM, RECOVERED, TUNING, VARIED, Scorer, check_env, own_episodes
 from .space import OF_TRUNK, Space, planner_dimensions, robot_dimensions, select
 
 SPACES = ("planner", "robot", "both")

@@ -15,9 +15,8 @@ from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.envs.wrappers import ActionHold, ResidualAction
 from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.training.curve import curve_scenarios
 from push_recovery.training.ppo import FallingRate, PPOAlgorithm
-from push_recovery.training.run import train
+from push_recovery.training.run import curve_scenarios, train
 from push_recovery.training.settings import LOG_STD, TrainingSettings
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_checker import check_env as check_env_sb3

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.training import curve
+from push_recovery.training import run as curve
 
 
 def outcome(recovered, survived, reward):

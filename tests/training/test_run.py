@@ -14,8 +14,17 @@ from push_recovery.eval.output.rows import Writer
 from push_recovery.eval.rollout import load_policy as names
 from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.score.draw import SuiteDistribution
-from push_recovery.training.curve import curve_scenarios, read_curve, write_curve
-from push_recovery.training.run import Progress, Run, find_checkpoints, load_checkpoint, resume, train
+from push_recovery.training.run import (
+    Progress,
+    Run,
+    curve_scenarios,
+    find_checkpoints,
+    load_checkpoint,
+    read_curve,
+    resume,
+    train,
+    write_curve,
+)
 from push_recovery.training.settings import TrainingSettings
 
 

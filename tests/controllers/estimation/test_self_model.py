@@ -22,7 +22,7 @@ from push_recovery.envs.scenario.model_errors import STEEPEST_SLOPE, ModelErrors
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import HARDWARE, Command, Scenario
 from push_recovery.eval.rollout.episodes import rollout_batch
-from push_recovery.eval.tuning.scorer import preset_episodes
+from push_recovery.eval.tuning.pushes import preset_episodes
 from scipy.signal import lfilter
 
 DT, RATE, MEMORY = 0.002, 100.0, 2.0

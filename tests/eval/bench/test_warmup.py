@@ -6,7 +6,7 @@ import re
 import gymnasium as gym
 import pytest
 from push_recovery.controllers.settings import ARMS
-from push_recovery.eval.bench import warmup
+from push_recovery.eval.bench import run as warmup
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.environments import make_env
 

@@ -18,7 +18,7 @@ import toy_gait_env as toy
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.eval.cli.main import COMMANDS, main, parse
 from push_recovery.eval.cli.options import PushOptions
-from push_recovery.eval.cli.studies import Frontier
+from push_recovery.eval.cli.score import Frontier
 from push_recovery.eval.cli.tools import Names, Tune
 from push_recovery.eval.output.rows import LOCK, Writer
 from push_recovery.eval.rollout import SUITE_NAMES

@@ -20,7 +20,7 @@ from push_recovery.eval.rollout.policy_source import policy_sources
 from push_recovery.eval.rollout.workers import installation, named_files, same_installation, same_runner
 from push_recovery.eval.score.evaluate import evaluate
 from push_recovery.eval.score.suites import Suite, get_suite
-from push_recovery.eval.tuning.scorer import PENDULUM, Scorer
+from push_recovery.eval.tuning.pushes import PENDULUM, Scorer
 
 needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="the extra ray is not installed")
 

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.eval.record.film import StripCamera
-from push_recovery.eval.report import episodes
+from push_recovery.eval.report import evaluation as episodes
 from push_recovery.eval.report.evaluation import labelled
 
 

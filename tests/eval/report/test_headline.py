@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from push_recovery.eval.output.statistics import PairedCounts
 from push_recovery.eval.report import headline
-from push_recovery.eval.report.episodes import SIGNS, scenario_lines
+from push_recovery.eval.report.evaluation import SIGNS, scenario_lines
 from push_recovery.eval.report.page import Command, outcome_words, scenario_words, short_labels
 from push_recovery.eval.score.report import p_words, pairs_table, points, ranked
 from push_recovery.eval.score.suites import get_suite

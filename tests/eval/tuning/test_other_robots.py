@@ -10,8 +10,7 @@ from push_recovery.controllers.settings import PresetFile, load_preset
 from push_recovery.envs.robots.model_files import PACKAGES
 from push_recovery.eval.protocols.run import biped_of
 from push_recovery.eval.rollout.environments import robot_of
-from push_recovery.eval.tuning.pushes import punched_suite, tuning_suite
-from push_recovery.eval.tuning.scorer import check_env
+from push_recovery.eval.tuning.pushes import check_env, punched_suite, tuning_suite
 from push_recovery.eval.tuning.study import TuningSettings, preset_of, space_of
 from push_recovery.eval.tuning.variants import tune_variants
 

@@ -15,8 +15,7 @@ from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.rows import Writer
 from push_recovery.eval.rollout.episodes import rollout_batch
 from push_recovery.eval.tuning import study as tuning
-from push_recovery.eval.tuning.pushes import TUNING, tuning_suite
-from push_recovery.eval.tuning.scorer import Scorer, check_env, preset_episodes, worth
+from push_recovery.eval.tuning.pushes import TUNING, Scorer, check_env, preset_episodes, tuning_suite, worth
 from push_recovery.eval.tuning.space import Dimension, Space
 from push_recovery.eval.tuning.study import CANDIDATE, Search, TuningSettings, best_of, preset_of, race, tune
 from push_recovery.eval.tuning.variants import tune_variants
