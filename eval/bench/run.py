@@ -1,6 +1,6 @@
 """Timings on this machine, in one run: bare physics, the planner, the closed loop, and others beside them.
 
-Times are in microseconds where no other unit is given.
+Times are in microseconds where no other unit is given. `warm_up` compiles all kernels ahead of their use.
 """
 
 import re

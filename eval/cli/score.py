@@ -1,4 +1,4 @@
-"""`push-recovery evaluate` and `compare`."""
+"""Commands that score: `evaluate`, `compare`, `frontier`, `basin`, `sensitivity`, `ceiling` and others."""
 
 import json
 from collections.abc import Mapping, Sequence

@@ -2,6 +2,7 @@
 
 Of each there are two suites: one that a search meets, and one that is held out for what it has found. Their
 run ids are none of the tour protocol's, so what is tuned on its punches has met none of the scored ones.
+What a preset is worth on them is found side by side in processes that last as long as the search (`Scorer`).
 """
 
 from collections.abc import Callable, Sequence

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from push_recovery.envs.scenario.scenario import AT_REST
 from push_recovery.eval.cli.main import parse
-from push_recovery.eval.cli.studies import Frontier as FrontierOptions
+from push_recovery.eval.cli.score import Frontier as FrontierOptions
 from push_recovery.eval.report import frontier
 from push_recovery.eval.report.frontier import frontier_table
 from push_recovery.eval.report.page import Command, command_of
