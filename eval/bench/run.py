@@ -164,7 +164,7 @@ def result_tables(content: dict[str, Any]) -> list[Table]:
 
 
 DOUBLE_SUPPORT = "PushRecovery/Pendulum-v0@double-support"
-ROBOTS = 2  # side by side: what runs in batches
+TOGETHER = 2  # robots side by side: what runs in batches
 WALK = Scenario(
     "warm-up", (Push((30.0, 10.0, 0.0), 0.1, 0.2),), Command(0.1), duration=1.0,
     changes=(CommandChange(0.4, Command()),),
@@ -207,12 +207,12 @@ def _run(name: str) -> None:
             # random actions may be residuals and targets as well; no arm gives those
             policy = make_policy("random", env) if acts_on_joints(env) else RandomPolicy()
             rollout(env, policy, WALK, "random")
-            rollout_all(env, policy, [WALK] * ROBOTS, "random", ROBOTS)
+            rollout_all(env, policy, [WALK] * TOGETHER, "random", TOGETHER)
             return
         errors = next(value for kind, value in ERRORS.items() if kind in name)
         for arm in arms(name):
             policy = make_policy(arm, env)
             rollout(env, policy, WALK, arm)
-            rollout_all(env, policy, [WALK, replace(WALK, errors=errors)], arm, ROBOTS)
+            rollout_all(env, policy, [WALK, replace(WALK, errors=errors)], arm, TOGETHER)
     finally:
         env.close()

@@ -188,7 +188,8 @@ def preset_digest(env_id: str) -> dict[str, str]:
         found["preset_sha256"] = hashlib.sha256(read_file(name.preset)).hexdigest()
     if name.module:
         found["module_sha256"] = hashlib.sha256(source_of(import_from_here(name.module))).hexdigest()
-    if robot := name.robot or gym.spec(name.full_id).kwargs.get("robot"):
+    spec = gym.registry.get(name.id)  # what is not registered is refused where it is made
+    if robot := name.robot or (spec.kwargs.get("robot") if spec else None):
         found["robot_sha256"] = robot_digest(robot_description(robot))
     return found
 

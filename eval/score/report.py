@@ -230,7 +230,7 @@ def origin_columns(evaluation: Evaluation) -> tuple[dict[str, dict[str, str]], s
     column of which nothing is known is left out.
     """
     search = {
-        name: search_words(evaluation.env_id, str(rows[0]["policy"]))
+        name: search_words(evaluation.env_id, str(rows[0].get("policy", name)))
         for name, rows in evaluation.rows.items()
     }
     driven = {name: driven_joints(rows) for name, rows in evaluation.rows.items()}

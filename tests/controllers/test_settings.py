@@ -55,7 +55,7 @@ def test_policies_take_a_file_for_a_preset(tmp_path):
     [
         ({"format": "policy"}, r"is no preset file: its 'format' is not 'push-recovery preset'$"),
         ({"format_version": 2}, r"has format_version 2; this version reads 1$"),
-        ({"base": "bipd"}, r"^unknown base of a preset file 'bipd'; did you mean 'biped'\? \(valid: biped, "),
+        ({"base": "bipd"}, r"^unknown base of a preset file 'bipd'; did you mean 'biped'\? \(valid: apo"),
         ({"plannr": {}}, r"^unknown section of preset file .* 'plannr'; did you mean 'planner'\?"),
         ({"planner": {"beta": 1.0}}, r"^unknown planner field of a preset file 'beta'.*\(valid: alpha_s"),
         ({"arms": {"two-stage": {"beta": 1.0}}}, r"^unknown planner field of a preset file 'beta'"),

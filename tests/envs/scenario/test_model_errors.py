@@ -94,7 +94,7 @@ ALL = ModelErrors(
     mass=0.1, payload=4.0, trunk_com=(0.01, -0.02, 0.03), friction=0.6, slope_forward=0.05, slope_left=-0.03,
     delay=0.01, dcm_noise=0.01, joint_noise=0.002, floor_step=0.02, joint_friction=1.0, joint_damping=0.5,
     armature=0.03, collisions=True, motor_power=2000.0, bus_power=3000.0,
-    continuous_torque=0.4, terrain=Ledge(0.3),
+    continuous_torque=0.4, terrain=Ledge(0.3), floor_known=True,
 )  # fmt: skip
 RANGES = ErrorRanges(mass=(-0.1, 0.2), friction=(0.4, 1.2), delay=(0.002, 0.01), trunk_com=(-0.02, 0.02))
 

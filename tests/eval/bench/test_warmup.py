@@ -55,7 +55,7 @@ def test_what_no_arm_acts_in_runs_alone_and_side_by_side(monkeypatch, name):
     warmup._run(f"PushRecovery/{name}-v0")
     alone, together = done
     assert alone.policy == "random"
-    assert len(list(together)) == warmup.ROBOTS
+    assert len(list(together)) == warmup.TOGETHER
 
 
 def test_the_command_runs_each_once_and_names_the_place(monkeypatch, capsys, tmp_path):

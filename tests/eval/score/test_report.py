@@ -24,7 +24,8 @@ SCENARIOS = get_suite("standard").scenarios[:3]
 
 def row(recovered_at, energy, **more):
     measures = {
-        "steps": 10, "smallest_margin": 0.125, "dcm_error": 0.01, "velocity_error": 0.1,
+        "steps": 10, "smallest_margin": 0.125, "margin_of_stability": -0.034,
+        "dcm_error": 0.01, "velocity_error": 0.1,
         "trunk_excursion": math.radians(20.0), "heading_error": 0.1,
         "peak_torque": 150.0, "mean_torque": 12.34, "energy": energy,
     }  # fmt: skip
@@ -49,12 +50,13 @@ def test_medians_are_over_the_pushes_that_all_policies_recover_from():
     assert (summary["p"]["smallest_margin"], summary["q"]["steps"]) == (0.125, 12.5)
     table = report.effort_table(found)
     assert table.columns == (
-        "policy", "recovered after [s]", "steps", "smallest margin [cm]", "largest lean [deg]",
+        "policy", "recovered after [s]", "steps", "smallest margin [cm]", "margin of stability [cm]",
+        "largest lean [deg]",
         "off heading [deg]", "peak torque [N m]", "mean torque [N m]", "energy [kJ]",
     )  # fmt: skip
     assert table.rows == [
-        ("p", "1.25", "10", "12.5", "20.0", "5.7", "150", "12.3", "2.00"),
-        ("q", "3.00", "12", "12.5", "20.0", "5.7", "150", "12.3", "2.25"),
+        ("p", "1.25", "10", "12.5", "-3.4", "20.0", "5.7", "150", "12.3", "2.00"),
+        ("q", "3.00", "12", "12.5", "-3.4", "20.0", "5.7", "150", "12.3", "2.25"),
     ]
     assert "2 of 3 pushes" in table.note
 
