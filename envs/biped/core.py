@@ -367,7 +367,8 @@ class BipedCore:
         return self._floor_of(k, scenario).under(x, y)[1] if scenario.errors.terrains else 0.0
 
     def _floor_of(self, k: int, scenario: Scenario) -> KnownFloor:
-        return KnownFloor(scenario.errors.terrains, pattern_of(self.floors, k), tuple(self.body.half_sole))
+        length, width = self.body.half_sole
+        return KnownFloor(scenario.errors.terrains, pattern_of(self.floors, k), (length, width))
 
     def put(self, k: int, qpos: Array, qvel: Array) -> None:
         """Put robot k into a state (nq,), (nv,), nothing acting on it; the gait machine stays as it is."""

@@ -332,10 +332,10 @@ class HarnessArms:
         spec = core.body.description.spec
         file = model_file(spec.robot.model) if isinstance(spec, AdaptedSpec) else None
         hands = None if file is None else bench.BenchHands.from_mjcf(model, file)
-        walk = bench.bench_arm_walk(run_id, LENGTH, limits, hands)
-        self._columns = [names.index(name) for name in walk]
-        self._times = np.array([time for time, _ in next(iter(walk.values()))])
-        self._angles = np.array([[angle for _, angle in rows] for rows in walk.values()]).T
+        poses = bench.bench_arm_walk(run_id, LENGTH, limits, hands)
+        self._columns = [names.index(name) for name in poses]
+        self._times = np.array([time for time, _ in next(iter(poses.values()))])
+        self._angles = np.array([[angle for _, angle in rows] for rows in poses.values()]).T
 
     def move(self, core: Any, k: int) -> None:
         """Let the arms of robot k follow their targets in the coming period."""
