@@ -49,11 +49,15 @@ class ResidualBase:
         object.__setattr__(self, "gate", None if self.gate is None else check_gate(self.gate))
 
     def make(self, robot: RobotModel, limits: GaitLimits) -> Policy:
-        """The policy below, with the weights that it had in training."""
+        """The policy below, with the weights that it had in training.
+
+        Its box of steps when told to stand is the environment's, by which actions are scaled: the preset's.
+        """
         policy = make_policy(self.policy, robot, limits, self.preset)
         if self.config is None or not isinstance(policy, TwoStagePolicy):
             return policy
-        return TwoStagePolicy(robot, limits, self.config, adapt=self.policy != "passive", name=self.policy)
+        config = self.config.replace(standing_reach=policy.config.standing_reach)
+        return TwoStagePolicy(robot, limits, config, adapt=self.policy != "passive", name=self.policy)
 
 
 @dataclass(frozen=True)

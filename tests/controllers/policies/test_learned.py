@@ -18,7 +18,7 @@ from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDesc
 from push_recovery.controllers.policies.mlp import Mlp, Normalisation
 from push_recovery.controllers.policies.residual import compose, default_residual_scale
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy
-from push_recovery.controllers.settings import PlannerConfig
+from push_recovery.controllers.settings import PlannerConfig, preset_config
 
 
 @dataclasses.dataclass
@@ -350,3 +350,11 @@ def test_a_failed_save_leaves_the_old_policy(tmp_path):
     with pytest.raises(TypeError):
         policy(residual=False, sizes=(36, 8, 7)).save(tmp_path / "p", {"note": object()})
     assert {f.name: f.read_bytes() for f in tmp_path.iterdir()} == before
+
+
+def test_the_planner_below_steps_in_the_box_of_its_environment_with_the_weights_of_its_training():
+    old = preset_config("g1").replace(standing_reach=0.0, beta_dcm=1234.0)
+    base = ResidualBase("two-stage", "g1", (0.1,) * 7, old)
+    below = base.make(RobotModel(), GaitLimits())
+    assert below.config == old.replace(standing_reach=preset_config("g1").standing_reach)
+    assert below.config.standing_reach == 0.64  # docs/standing.md
