@@ -64,10 +64,8 @@ class ProtocolCommand(EnvOptions, RunningOptions):
         from ..protocols import kick, report, run, tour
 
         driven = self.arms in run.ARMS
-        robot, form = (
-            run.biped_of(self.env_id, driven),
-            f"arms {self.arms}" if driven else self.form or "stated",
-        )
+        robot = run.biped_of(self.env_id, driven)
+        form = f"arms {self.arms}" if driven else self.form or "stated"
         if self.protocol == "tour":
             scenarios = tuple(tour.tour_scenario(one, robot) for one in range(self.episodes or 64))
         else:

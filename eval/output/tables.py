@@ -1,5 +1,6 @@
-"""Tables of results: the same cells on a terminal, in Markdown and on a page."""
+"""Tables of results, the same cells on a terminal, in Markdown and on a page; pictures beside them."""
 
+import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from rich import table
 from rich.console import Console
 from rich.markup import escape
 
-from ...controllers.files import write_text
+from ...controllers.files import write_atomically, write_text
 
 
 @dataclass(frozen=True)
@@ -60,3 +61,13 @@ def write_reports(directory: Path, content: Mapping[str, Any], markdown: str) ->
     path = directory / "report.md"
     write_text(path, markdown)
     return path
+
+
+def write_pictures(figure: Any, directory: Path, stem: str) -> list[Path]:
+    """Write stem.png and stem.svg of a figure; the same figure gives the same bytes."""
+    paths = [directory / f"{stem}.{kind}" for kind in ("png", "svg")]
+    for path in paths:
+        buffer, kind = io.BytesIO(), path.suffix[1:]
+        figure.savefig(buffer, format=kind, dpi=130, metadata={"Date": None} if kind == "svg" else None)
+        write_atomically(path, buffer.getvalue())
+    return paths

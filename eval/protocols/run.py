@@ -18,7 +18,7 @@ from ..output.progress import Work, about, progress_bars
 from ..rollout.environments import code_digest, env_label, make_env, preset_digest
 from ..rollout.episodes import Ints, Observer
 from ..rollout.outcome import Outcome
-from ..rollout.policy_source import guessed_seconds, open_rows, policy_sources
+from ..rollout.policy_source import guessed_seconds, keep_rows, open_rows, policy_sources
 from ..rollout.workers import Runner, chunk_sizes, make_chunks, parallel
 from .kick import KickWatcher
 from .tour import TourWatcher
@@ -171,10 +171,7 @@ def run_protocol(
         what = f"{protocol.name}: {len(ids)} episodes of {', '.join(digests)}"
         work = Work(what, length, store.directory)
         with progress_bars(list(digests), len(ids), work, done) as bars:
-            for row in found:
-                store.append({**row, "policy_sha256": digests[row["policy"]]})
-                done[row["policy"]] += 1
-                bars.set(row["policy"], done[row["policy"]])
+            keep_rows(store, found, digests, bars, done)
     rows = {name: [store.rows[name, s.id] for s in protocol.scenarios] for name in sources}
     return Results(protocol, env_id, rows, store.directory)
 

@@ -3,7 +3,6 @@
 On the page policies have their labels as names; rows keep the names that commands take.
 """
 
-import io
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
@@ -13,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ...controllers.files import write_atomically
 from ...controllers.whole_body.limits import LIMIT_NAMES
-from ..output.tables import Table, markdown_page, write_reports
+from ..output.tables import Table, markdown_page, write_pictures, write_reports
 from ..record.words import DIRECTIONS, sector_of
 from ..rollout.environments import make_env
 from ..rollout.outcome import limit_words, reason_words
@@ -197,13 +195,7 @@ def save_pictures(frontier: Frontier) -> list[Path]:
     )
     axes.set_ylim(0.0, furthest_of(frontier, curves))
     figure.legend(loc="outside lower center", fontsize="small", ncols=2)
-    paths = [frontier.directory / f"frontier.{suffix}" for suffix in ("png", "svg")]
-    for path in paths:
-        buffer = io.BytesIO()
-        metadata = {"Date": None} if path.suffix == ".svg" else None
-        figure.savefig(buffer, format=path.suffix[1:], dpi=130, metadata=metadata)
-        write_atomically(path, buffer.getvalue())
-    return paths
+    return write_pictures(figure, frontier.directory, "frontier")
 
 
 def write_frontier_page(frontier: Frontier, command: Command) -> Path:

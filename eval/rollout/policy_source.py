@@ -5,7 +5,7 @@ import inspect
 import os
 import pickle
 import secrets
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,15 +97,23 @@ def guessed_seconds(
     )
 
 
-def search_words(env_id: str, policy: str) -> str:
+def stated_trials(env_id: str) -> Mapping[str, Any]:
+    """Trials by planner, as the preset of an environment states them in `found`; nothing if it does not."""
+    with suppress(PushRecoveryError), closing(make_env(env_id)) as env:
+        found: Any = load_preset(env.unwrapped.preset).found.get("trials")  # type: ignore[attr-defined]
+        if isinstance(found, dict):
+            return found
+    return {}
+
+
+def search_words(policy: str, trials: Mapping[str, Any]) -> str:
     """How much search or training a policy is the result of; a dash where nothing is known.
 
-    Trials of planners are those that their preset states, under the key `trials` of `found`; a training
-    without actions is one by imitation.
+    A training without actions is one by imitation.
 
     Args:
-        env_id: names the preset.
         policy: as rows have it: a name, or a policy file.
+        trials: of `stated_trials`.
     """
     with suppress(PushRecoveryError):
         origin = acting(policy)
@@ -114,12 +122,8 @@ def search_words(env_id: str, policy: str) -> str:
             actions = note.get("timesteps") if isinstance(note, dict) else None
             if isinstance(actions, int):
                 return f"{actions / 1e6:.1f} M actions" if actions else "imitation"
-        elif origin in ARMS:
-            with closing(make_env(env_id)) as env:
-                found: Any = load_preset(env.unwrapped.preset).found.get("trials")  # type: ignore[attr-defined]
-            trials = found.get(origin) if isinstance(found, dict) else None
-            if isinstance(trials, int):
-                return f"{trials} trials"
+        elif origin in ARMS and isinstance(count := trials.get(origin), int):
+            return f"{count} trials"
     return "-"
 
 
@@ -212,6 +216,31 @@ def open_rows(
         store.close()
         raise
     return store, digests
+
+
+def keep_rows(
+    store: rows.RowFile,
+    found: Iterable[dict[str, Any]],
+    digests: Mapping[str, str | None],
+    bars: progress.Bars,
+    done: dict[str, int],
+    note: Callable[[dict[str, Any]], str] = lambda row: "",
+) -> None:
+    """Write rows into a row file of `open_rows` as they are found, and show how far it is.
+
+    Args:
+        store: the row file.
+        found: rows with their `policy`.
+        digests: of the policies.
+        bars: of the policies.
+        done: rows so far by policy, counted on.
+        note: what a row says, for its bar.
+    """
+    for row in found:
+        name = row["policy"]
+        store.append({**row, "policy_sha256": digests[name]})
+        done[name] += 1
+        bars.set(name, done[name], note(row))
 
 
 def _label(policy: Any) -> str:

@@ -5,7 +5,6 @@ steps until the DCM first lies where CoP and trunk alone would catch it; what th
 `n_step_offset` that holds the point. A controller that takes more steps than that has time, or errs.
 """
 
-import io
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import closing
@@ -17,8 +16,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.files import write_atomically
 from ...controllers.model.capturability import (
+    OffsetBounds,
     capture_constants,
     constants_of,
     n_step_offset,
@@ -31,11 +30,11 @@ from ...controllers.validation import require_integer
 from ...envs.scenario.push import GaitEvent, Push
 from ...envs.scenario.scenario import IN_PLACE, Scenario
 from ..output.progress import Work, about, progress_bars, robot_seconds
-from ..output.tables import Table, markdown_page, write_reports
+from ..output.tables import Table, markdown_page, write_pictures, write_reports
 from ..rollout.environments import code_digest, env_label, make_env, preset_digest
 from ..rollout.episodes import Observer
 from ..rollout.outcome import Outcome
-from ..rollout.policy_source import open_rows, policy_sources
+from ..rollout.policy_source import keep_rows, open_rows, policy_sources
 from ..rollout.workers import Runner, parallel
 from .limits import NOMINAL_STEPS, nominal_gait_in_use
 
@@ -45,6 +44,13 @@ MOST_STEPS = 4  # from which on steps are counted together
 MARGIN = 1.15  # of the grid, over the bounds of any number of steps
 FORMAT, KEY = 1, ("policy", "y_m")  # of the rows
 Steps = Sequence[Sequence[int | None]]  # by y, then x; None: never
+
+
+def theory_bounds(env: gym.Env) -> list[OffsetBounds]:
+    """Bounds of what 0, 1, ... MOST_STEPS - 1 steps catch, and last of what any number of them does."""
+    unwrapped: Any = env.unwrapped
+    robot, limits = unwrapped.robot, unwrapped.limits
+    return [*(n_step_offset(robot, limits, n) for n in range(MOST_STEPS)), recoverable_offset(robot, limits)]
 
 
 @dataclass(frozen=True)
@@ -67,9 +73,7 @@ class Grid:
 
     def closed_form(self, env: gym.Env) -> list[list[int | None]]:
         """The least number of steps of theory, MOST_STEPS for as many or more; None: none catches it."""
-        robot, limits = env.unwrapped.robot, env.unwrapped.limits  # type: ignore[attr-defined]
-        bounds = [n_step_offset(robot, limits, n) for n in range(MOST_STEPS)]
-        bounds.append(recoverable_offset(robot, limits))
+        bounds = theory_bounds(env)
 
         def least(point: NDArray[np.float64]) -> int | None:
             holds = ((one.low <= point).all() and (point <= one.high).all() for one in bounds)
@@ -197,10 +201,8 @@ def basin(
     work = Work(f"{points} x {points} kicks for {', '.join(sources)}", length, store.directory)
     count = {name: sum((name, y) in store.rows for y in grid.y) for name in sources}
     with store, progress_bars(list(sources), points, work, count) as bars:
-        for row in parallel(env_id, measure, jobs, workers, sources):
-            store.append({**row, "policy_sha256": digests[row["policy"]]})
-            count[row["policy"]] += 1
-            bars.set(row["policy"], count[row["policy"]], f"y {row['y_m']:g} m")
+        found = parallel(env_id, measure, jobs, workers, sources)
+        keep_rows(store, found, digests, bars, count, lambda row: f"y {row['y_m']:g} m")
     measured = {name: [store.rows[name, y]["steps"] for y in grid.y] for name in sources}
     return Basin(env_id, grid, closed_form, measured, store.directory)
 
@@ -248,9 +250,7 @@ def save_basin(found: Basin) -> list[Path]:
     maps = {"closed form": found.closed_form, **found.measured}
     figure = Figure(figsize=(3.1 * len(maps) + 0.6, 5.2), layout="constrained")
     with closing(make_env(found.env_id)) as env:
-        robot, limits = env.unwrapped.robot, env.unwrapped.limits  # type: ignore[attr-defined]
-        bounds = [n_step_offset(robot, limits, n) for n in range(MOST_STEPS)]
-        bounds.append(recoverable_offset(robot, limits))
+        bounds = theory_bounds(env)
     for number, (name, steps) in enumerate(maps.items()):
         axes: Any = figure.add_subplot(1, len(maps), number + 1)
         flat = _flat(steps)
@@ -272,10 +272,4 @@ def save_basin(found: Basin) -> list[Path]:
     handles = [Patch(color=color, label=label) for color, label in zip(colors, labels, strict=True)]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize="small", title="steps")
     figure.suptitle(f"{found.env_id}: steps until none is needed", fontsize="medium")
-    paths = [found.directory / f"basin.{suffix}" for suffix in ("png", "svg")]
-    for path in paths:
-        buffer = io.BytesIO()
-        metadata = {"Date": None} if path.suffix == ".svg" else None
-        figure.savefig(buffer, format=path.suffix[1:], dpi=130, metadata=metadata)
-        write_atomically(path, buffer.getvalue())
-    return paths
+    return write_pictures(figure, found.directory, "basin")

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
@@ -25,7 +25,7 @@ from ...envs.scenario.scenario import EXACT, Command, Scenario, get_profile
 from ..output.progress import Work, about, progress_bars, robot_seconds
 from ..rollout.environments import code_digest, env_label, make_env, preset_digest, profile_on
 from ..rollout.outcome import Outcome
-from ..rollout.policy_source import open_rows, policy_sources
+from ..rollout.policy_source import keep_rows, open_rows, policy_sources
 from ..rollout.workers import Runner, parallel
 from . import threshold
 from .limits import NOMINAL_STEPS, DirectionLimits, direction_limits, limit_of_phases
@@ -433,10 +433,8 @@ def frontier(
     work = Work(f"{directions} directions for {', '.join(sources)}", length, store.directory)
     count = {name: sum((name, psi) in store.rows for psi in wanted) for name in sources}
     with store, progress_bars(list(sources), len(wanted), work, count) as bars:
-        for row in parallel(settings.env_id, scan, jobs, workers, sources):
-            store.append({**row, "policy_sha256": digests[row["policy"]]})
-            count[row["policy"]] += 1
-            bars.set(row["policy"], count[row["policy"]], _note(search, row))
+        found = parallel(settings.env_id, scan, jobs, workers, sources)
+        keep_rows(store, found, digests, bars, count, partial(_note, search))
     rows = {name: [store.rows[name, psi] for psi in angles] for name in sources}
     controls = {name: store.rows[name, None] for name in sources if search.control}
     return Frontier(settings, rows, limits, store.directory, mass, controls)

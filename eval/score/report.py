@@ -6,13 +6,14 @@ from itertools import combinations
 from pathlib import Path
 
 from ...controllers.files import write_text
+from ...controllers.settings import ARMS
 from ...controllers.whole_body.limits import LIMIT_NAMES
 from ...envs.scenario.push import Disturbance
 from ...envs.scenario.scenario import Scenario
 from ..output.statistics import PairedCounts, holm
 from ..output.tables import Table, markdown_page, write_reports
 from ..rollout.outcome import MEASURES, Measure, Row, Score, limit_words, reason_words
-from ..rollout.policy_source import search_words
+from ..rollout.policy_source import search_words, stated_trials
 from ..rollout.strategy import STRATEGIES, strategy_of
 from .draw import count_of, walk_of
 from .evaluate import Comparison, Evaluation, limit_summary, limits_met
@@ -229,10 +230,9 @@ def origin_columns(evaluation: Evaluation) -> tuple[dict[str, dict[str, str]], s
     How much search or training found a policy, and how many joints one drives that acts on all of them; a
     column of which nothing is known is left out.
     """
-    search = {
-        name: search_words(evaluation.env_id, str(rows[0].get("policy", name)))
-        for name, rows in evaluation.rows.items()
-    }
+    sources = {name: str(rows[0].get("policy", name)) for name, rows in evaluation.rows.items()}
+    trials = stated_trials(evaluation.env_id) if set(sources.values()) & set(ARMS) else {}
+    search = {name: search_words(source, trials) for name, source in sources.items()}
     driven = {name: driven_joints(rows) for name, rows in evaluation.rows.items()}
     columns = {"found by": (search, SEARCH_NOTE), "targets of": (driven, DRIVEN_NOTE)}
     known = {name: pair for name, pair in columns.items() if set(pair[0].values()) != {"-"}}
