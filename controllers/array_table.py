@@ -106,26 +106,26 @@ def tuple_reader(kind: type) -> Callable[[Any], Any]:
     return read
 
 
-@intrinsic
-def _float_pointer(typingctx, address):
-    def codegen(context, builder, signature, args):
-        return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+def _pointer_to(kind):
+    """An intrinsic that takes an address for a pointer to numbers of a numba type."""
 
-    return types.CPointer(types.float64)(types.int64), codegen
+    @intrinsic
+    def pointer(typingctx, address):
+        def codegen(context, builder, signature, args):
+            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+
+        return types.CPointer(kind)(types.int64), codegen
+
+    return pointer
+
+
+_float_pointer, _int_pointer = _pointer_to(types.float64), _pointer_to(types.int64)
 
 
 @njit(cache=True)
 def floats_at(address, count):
     """View (count,) float64 of what lies at an address."""
     return carray(_float_pointer(address), (count,))
-
-
-@intrinsic
-def _int_pointer(typingctx, address):
-    def codegen(context, builder, signature, args):
-        return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
-
-    return types.CPointer(types.int64)(types.int64), codegen
 
 
 @njit(cache=True)

@@ -160,6 +160,12 @@ def has_landed(load: float, elapsed: float, duration: float, s: GaitSettings) ->
 
 
 @njit(cache=True, forceinline=True)
+def lowest_height(rise: float, s: GaitSettings) -> float:
+    """Least height of the CoM over the stance sole [m]; half of a fall of the floor to the target lower."""
+    return s.com_height - s.height_drop + min(0.5 * rise, 0.0)
+
+
+@njit(cache=True, forceinline=True)
 def reach_height(
     phys: Physics, k: int, stance: int, sole: Vector, target: Point, travel: Point, rise: float,
     s: GaitSettings,
@@ -185,7 +191,7 @@ def reach_height(
         elif leg == stance:
             aside = max(aside, (sole[0] - hip_x) ** 2 + (sole[1] - hip_y) ** 2)  # now
         height = min(height, under + math.sqrt(reach - min(aside, farthest)) - above)
-    return max(height, s.com_height - s.height_drop + min(0.5 * rise, 0.0)), target
+    return max(height, lowest_height(rise, s)), target
 
 
 @njit(cache=True, forceinline=True)
@@ -217,8 +223,7 @@ def move_references(
     """
     rise = gait.rise[k]
     height, place = reach_height(phys, k, gait.stance[k], sole, target, travel, rise, s)
-    lowest = s.com_height - s.height_drop + min(0.5 * rise, 0.0)
-    met = limits.LEG_REACH if place != target or height <= lowest else 0
+    met = limits.LEG_REACH if place != target or height <= lowest_height(rise, s) else 0
     lift, horizon = gait.height[k], max(remaining - s.height_lead, s.height_time)
     if both_stand(gait.elapsed[k], s.double_support):  # the quintic's peak is 10 / sqrt(3) distance / time^2
         horizon = max(horizon, math.sqrt(10.0 / math.sqrt(3.0) * abs(height - lift[0]) / SINKING))

@@ -24,11 +24,12 @@ import math
 from abc import ABC
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 from ...controllers.model.robot import Similarity
-from ...controllers.validation import require_integer, require_number
-from .record import JsonRecord, Kinds
+from ...controllers.validation import require_integer
+from .record import JsonRecord, Kinds, Quantities, Quantity, checked, resized
 
 if TYPE_CHECKING:
     import mujoco
@@ -199,6 +200,12 @@ class Stairs(Terrain):
     """
 
     json_name = "stairs"
+    quantities: ClassVar[Quantities] = {
+        "rise": Quantity("m", -TALLEST, TALLEST, "length"),
+        "start": Quantity("m", SHALLOWEST, 100.0, "length"),
+        "tread": Quantity("m", SHALLOWEST, DEEPEST, "length"),
+        "landing": Quantity("m", SHALLOWEST, DEEPEST, "length"),
+    }
 
     rise: float  # of each step, negative where the first flight leads down [m]
     steps: int = 3  # of each flight
@@ -207,32 +214,27 @@ class Stairs(Terrain):
     landing: float = 0.9  # depth of the landing between the flights [m]
 
     def __post_init__(self) -> None:
-        self._set(
-            rise=require_number("Stairs.rise [m]", self.rise, -TALLEST, TALLEST) + 0.0,
-            steps=require_integer("Stairs.steps", self.steps, 1, STEPS_MAX),
-            start=require_number("Stairs.start [m]", self.start, SHALLOWEST, 100.0),
-            tread=require_number("Stairs.tread [m]", self.tread, SHALLOWEST, DEEPEST),
-            landing=require_number("Stairs.landing [m]", self.landing, SHALLOWEST, DEEPEST),
-        )
+        steps = require_integer("Stairs.steps", self.steps, 1, STEPS_MAX)
+        self._set(steps=steps, **checked("Stairs", self, self.quantities))
 
     @property
     def end(self) -> float:
         """Where the floor is level again [m]."""
         return self.start + 2 * (self.steps - 1) * self.tread + self.landing
 
-    @property
-    def treads(self) -> list[tuple[float, float, float]]:
+    @cached_property
+    def treads(self) -> tuple[tuple[float, float, float], ...]:
         """Begin and end along x and height of every tread between start and end [m]."""
         found, x = [], self.start
         for number in (*range(1, self.steps + 1), *range(self.steps - 1, 0, -1)):
             depth = self.landing if number == self.steps else self.tread
             found.append((x, x + depth, number * self.rise))
             x += depth
-        return found
+        return tuple(found)
 
     def shape(self, spec: mujoco.MjSpec, soles: Sequence[str]) -> None:
         """Put a box under every tread; where they lie below the plane, boxes take its place around them."""
-        boxes = self.treads
+        boxes = list(self.treads)
         if self.rise < 0.0:
             spec.geom("floor").pos = [0.0, 0.0, self.steps * self.rise - 2.0 * DEPTH]
             boxes += [(-FAR, self.start, 0.0), (self.end, self.end + FAR, 0.0)]
@@ -246,8 +248,7 @@ class Stairs(Terrain):
 
     def scaled(self, scale: Similarity) -> Stairs:
         """Steps in the same proportion to a robot of another size, as far as their bounds allow it."""
-        sizes = {name: scale.length * getattr(self, name) for name in ("rise", "start", "tread", "landing")}
-        return replace(self, **sizes)
+        return replace(self, **resized(self, self.quantities, scale))
 
 
 @register_terrain
@@ -256,13 +257,16 @@ class Wall(Terrain):
     """A plane that stands beside the robot; all shapes that collide meet it, as they meet the floor."""
 
     json_name, collides = "wall", True
+    quantities: ClassVar[Quantities] = {
+        "distance": Quantity("m", 0.05, 1000.0, "length"),
+        "direction": Quantity("rad", -math.tau, math.tau),
+    }
 
     distance: float  # from the stance sole at the beginning [m]
     direction: float = 0.5 * math.pi  # in which it stands, counter-clockwise from x [rad]
 
     def __post_init__(self) -> None:
-        self._set(distance=require_number("Wall.distance [m]", self.distance, 0.05, 1000.0))
-        self._set(direction=require_number("Wall.direction [rad]", self.direction, -math.tau, math.tau))
+        self._set(**checked("Wall", self, self.quantities))
 
     def shape(self, spec: mujoco.MjSpec, soles: Sequence[str]) -> None:
         """Put the plane there, its normal towards the origin."""
@@ -279,4 +283,4 @@ class Wall(Terrain):
 
     def scaled(self, scale: Similarity) -> Wall:
         """Nearer to a smaller robot."""
-        return replace(self, distance=scale.length * self.distance)
+        return replace(self, **resized(self, self.quantities, scale))
