@@ -86,8 +86,10 @@ def write_hull(other_x: float, other_y: float, turn: float, half_x: float, half_
     for i in range(CORNERS):
         for j in range(CORNERS):
             dx, dy = corners[j, 0] - corners[i, 0], corners[j, 1] - corners[i, 1]
+            if count == CORNERS or _crosses(corners, i, dx, dy):
+                continue
             length = math.hypot(dx, dy)
-            if length < SAME or count == CORNERS:
+            if length < SAME:
                 continue
             x, y = dy / length, -dx / length
             offset = x * corners[i, 0] + y * corners[i, 1]
@@ -107,6 +109,15 @@ def write_hull(other_x: float, other_y: float, turn: float, half_x: float, half_
 
 
 @njit(cache=True)
+def _crosses(corners: Any, i: int, dx: float, dy: float) -> bool:
+    """Whether a corner lies clearly to the right of the line from corner i along (dx, dy): it is no edge."""
+    near, k = 2.0 * SAME * (abs(dx) + abs(dy)), 0
+    while k < CORNERS and dy * (corners[k, 0] - corners[i, 0]) - dx * (corners[k, 1] - corners[i, 1]) <= near:
+        k += 1
+    return k < CORNERS
+
+
+@njit(cache=True)
 def _support(corners: Any, x: float, y: float) -> float:
     """Support function of the corners along (x, y)."""
     most = -np.inf
@@ -116,12 +127,18 @@ def _support(corners: Any, x: float, y: float) -> float:
 
 
 @njit(cache=True)
-def _trunk_support(x, y, angle, rate, c):  # pragma: no cover
-    """h_B: the most that the trunk gives along a normal (x, y), from a trunk state (2,), (2,) [m]."""
-    side = 1.0 if x > 0.0 else -1.0
-    given = abs(x) * trunk_reserve(side * angle[0], side * rate[0], c.trunk_pitch_max, c)
-    side = 1.0 if y > 0.0 else -1.0
-    return given + abs(y) * trunk_reserve(side * angle[1], side * rate[1], c.trunk_roll_max, c)
+def _write_trunk_reach(angle, rate, c, reach):  # pragma: no cover
+    """What the trunk gives along x, y, -x and -y from a state (2,), (2,) [m], into `reach` (2, 2)."""
+    for k in range(2):
+        side = 1.0 if k == 0 else -1.0
+        reach[k, 0] = trunk_reserve(side * angle[0], side * rate[0], c.trunk_pitch_max, c)
+        reach[k, 1] = trunk_reserve(side * angle[1], side * rate[1], c.trunk_roll_max, c)
+
+
+@njit(cache=True)
+def _trunk_support(x, y, reach):  # pragma: no cover
+    """h_B: the most that the trunk gives along a normal (x, y) [m]."""
+    return abs(x) * reach[0 if x > 0.0 else 1, 0] + abs(y) * reach[0 if y > 0.0 else 1, 1]
 
 
 @njit(cache=True)
@@ -136,11 +153,11 @@ def standing_margin_kernel(dcm_x, dcm_y, angle, rate, hull, constants):  # pragm
         hull: of `write_hull`.
         constants: of `capture_constants`.
     """
-    c = constants_of(constants)
-    margin = np.inf
+    reach, margin = np.empty((2, 2)), np.inf
+    _write_trunk_reach(angle, rate, constants_of(constants), reach)
     for k in range(hull.shape[0]):
         x, y = hull[k, NORMAL], hull[k, NORMAL + 1]
-        margin = min(margin, hull[k, OFFSET] + _trunk_support(x, y, angle, rate, c) - x * dcm_x - y * dcm_y)
+        margin = min(margin, hull[k, OFFSET] + _trunk_support(x, y, reach) - x * dcm_x - y * dcm_y)
     return margin
 
 
@@ -340,11 +357,12 @@ def max_standing_impulse(
     limits = GaitLimits.of(robot) if limits is None else limits
     feet = Feet.side_by_side(robot) if feet is None else feet
     hull, rest = _hull(limits, feet, soles), np.zeros(2)
-    c = CaptureConstants(*capture_constants(robot, limits, flywheel=flywheel))
+    c, reach = CaptureConstants(*capture_constants(robot, limits, flywheel=flywheel)), np.empty((2, 2))
+    _write_trunk_reach(rest, rest, c, reach)
     shift = math.inf
     for x, y, offset in hull:
         along = x * math.cos(psi) + y * math.sin(psi)
-        room = offset + _trunk_support(x, y, rest, rest, c) - x * feet.middle[0] - y * feet.middle[1]
+        room = offset + _trunk_support(x, y, reach) - x * feet.middle[0] - y * feet.middle[1]
         if along > 1e-12:
             shift = min(shift, room / along)
     return float(shift * robot.mass * robot.omega * math.exp(-robot.omega * reaction))

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..array_table import Floats1, Floats2, Ints2, only_part_of, parts_table, tuple_reader
 from ..jit import njit
 from ..model.capturability import capture_constants
 from ..model.gait_box import COP, DURATION, STEP, TRUNK, GaitLimits
@@ -95,10 +96,24 @@ class StayConstants(NamedTuple):
     duration_max: float  # T that asks for no step [s]
 
 
+constants_of = tuple_reader(StayConstants)
+
+
+class Staying(NamedTuple):
+    """Arrays of the compiled loop."""
+
+    constants: Floats1  # `StayConstants`
+    capture: Floats1  # of `capture_constants`
+    stage_2: Ints2  # of `StandingPlanner.packed`
+    hull: Floats2  # of `write_hull`, scratch
+    state: Floats2  # (1, INPUTS), scratch
+    result: Floats2  # (1, RESULT_SIZE), scratch
+
+
 @njit(cache=True)
-def write_no_step(row: Any, c: StayConstants) -> None:
+def write_no_step(row: Any, pelvis_width: float, duration_max: float) -> None:
     """Ask for no step in a row (ROW_SIZE,) of stage 1."""
-    row[STEP], row[STEP + 1], row[DURATION] = 0.0, c.pelvis_width, c.duration_max
+    row[STEP], row[STEP + 1], row[DURATION] = 0.0, pelvis_width, duration_max
 
 
 @njit(cache=True)
@@ -114,21 +129,20 @@ def margin_in_place(seen: Any, c: StayConstants, capture: Any, hull: Any) -> flo
 
 
 @njit(cache=True)
-def stay_rows(
-    batch: Any, rows: Any, robots: Any, step: Any, constants: StayConstants, capture: Any, stage_2: Any
-) -> None:
-    """Write the plans of the `robots` (k,) of a batch (n, 36) that stay into rows (n, ROW_SIZE) of stage 1.
+def stay_rows(batch: Any, rows: Any, step: Any, packed: Any) -> int:
+    """Write the plans of robots that stand and stay, of a batch (n, 36), into rows (n, ROW_SIZE) of stage 1.
 
-    `step` (k,) is written: which of them cannot stay, or are told to walk.
+    Returns how many stand and cannot stay, or are told to walk, which is written into `step` (n,).
     """
-    c, (numbers, cops, program) = constants, stage_2
-    hull, state = np.empty((HULL_ROWS, HULL_COLUMNS)), np.zeros((1, INPUTS))
-    result = np.empty((1, RESULT_SIZE))
-    for i in range(robots.shape[0]):
-        seen, row = batch[robots[i]], rows[robots[i]]
+    s, count = only_part_of(packed, Staying), 0
+    c, state, result = constants_of(s.constants), s.state, s.result
+    for i in range(batch.shape[0]):
+        seen, row = batch[i], rows[i]
+        if seen[ELAPSED] >= 0.0:
+            continue
         moves = was_thrown(seen) or seen[COMMAND].any()
-        step[i] = moves or margin_in_place(seen, c, capture, hull) < 0.0
-        if step[i]:
+        if moves or margin_in_place(seen, c, s.capture, s.hull) < 0.0:
+            step[i], count = True, count + 1
             continue
         push = seen[PUSH_ESTIMATE]
         carry = c.carry if math.hypot(push[0], push[1]) >= c.push_threshold else 0.0
@@ -137,12 +151,13 @@ def stay_rows(
             state[0, STATE_DCM + axis] = seen[DCM.start + axis] + carry * push[axis]
             state[0, STATE_LEAN + axis] = seen[TRUNK_ANGLE.start + axis]
             state[0, STATE_LEAN + 2 + axis] = seen[TRUNK_RATE.start + axis]
-        plan_standing_rows(state, result, numbers, cops, program)
-        write_no_step(row, c)
+        plan_standing_rows(state, result, s.stage_2)
+        write_no_step(row, c.pelvis_width, c.duration_max)
         row[RESULT:] = result[0]
         row[COP : COP + 2] = result[0, RESULT_COP : RESULT_COP + 2]
         if c.use_trunk != 0.0:
             row[TRUNK : TRUNK + 2] = result[0, RESULT_TRUNK : RESULT_TRUNK + 2]
+    return count
 
 
 class Stander:
@@ -163,7 +178,6 @@ class Stander:
         self._in_place = (
             StandingPlanner(robot, limits, config) if config.use_cop or config.use_trunk else None
         )
-        self._capture = capture_constants(robot, limits, config.use_cop, config.use_trunk)
         self._half_sole = cop_bounds(limits, config)
         self._constants = StayConstants(
             half_x=limits.cop_x_max, half_y=limits.cop_y_max, use_cop=float(config.use_cop),
@@ -171,15 +185,27 @@ class Stander:
             push_threshold=config.push_threshold, pelvis_width=robot.pelvis_width,
             duration_max=limits.duration_max,
         )  # fmt: skip
+        self._in_place: Staying | None = None
+        if config.use_cop or config.use_trunk:
+            self._stage_2_in_place = StandingPlanner(robot, limits, config)
+            self._in_place = Staying(
+                np.array(self._constants), capture_constants(robot, limits, config.use_cop, config.use_trunk),
+                self._stage_2_in_place.packed, np.empty((HULL_ROWS, HULL_COLUMNS)), np.zeros((1, INPUTS)),
+                np.empty((1, RESULT_SIZE)),
+            )  # fmt: skip
+            self._packed = parts_table([self._in_place])
         period = config.first_interval_min
         self._shifts = np.arange(0.0, LONGEST_SHIFT + 0.5 * period, period)[: None if config.use_cop else 1]
 
-    def plan(self, batch: Floats, rows: Floats, robots: NDArray[np.int64]) -> None:
-        """Write the plans of the `robots` (k,) that stand, of a batch (n, 36), into rows (n, ROW_SIZE)."""
-        step = np.ones(len(robots), np.bool_)
-        if self._in_place is not None:
-            stay_rows(batch, rows, robots, step, self._constants, self._capture, self._in_place.compiled)
-        for k in robots[step] if step.any() else ():
+    def plan(self, batch: Floats, rows: Floats) -> None:
+        """Write the plans of those that stand, of a batch (n, 36), into rows (n, ROW_SIZE)."""
+        if self._in_place is None:
+            step = batch[:, ELAPSED] < 0.0
+        else:
+            step = np.zeros(len(batch), np.bool_)
+            if not stay_rows(batch, rows, step, self._packed):
+                return
+        for k in step.nonzero()[0]:
             self._step(batch[k], rows[k], was_thrown(batch[k]))
 
     def _step(self, observation: Floats, row: Floats, thrown: bool) -> None:
@@ -204,7 +230,7 @@ class Stander:
             row[TRUNK : TRUNK + 2] = planned[TRUNK : TRUNK + 2] * [1.0, -1.0 if swapped else 1.0]
             row[STEP : STEP + 2] = planned[STEP : STEP + 2]
         else:
-            write_no_step(row, self._constants)
+            write_no_step(row, self._robot.pelvis_width, self._limits.duration_max)
         x, y = observation[SWING_POSITION][:2]
         row[COP : COP + 2] = (x + cop[0], y - cop[1]) if swapped else cop
 

@@ -210,8 +210,8 @@ class TwoStagePolicy:
 
         def act(worker: int, first: int, end: int) -> None:
             seen, own = batch[first:end], rows[first:end]
-            if self._stage_1.plan(seen, own):
-                self._act_standing(seen, own, worker)
+            if standing := self._stage_1.plan(seen, own):
+                self._act_standing(seen, own, standing, worker)
             else:
                 self._stage_2.regulate(seen, own, worker)
             scale_actions(own, seen, *self._bounds, actions[first:end])
@@ -223,21 +223,20 @@ class TwoStagePolicy:
         self._rows = rows
         return actions, rows
 
-    def _act_standing(self, batch: Floats, rows: Floats, worker: int) -> None:
-        """Stage 2 where some robots stand on both feet."""
+    def _act_standing(self, batch: Floats, rows: Floats, standing: int, worker: int) -> None:
+        """Stage 2 where so many robots stand on both feet."""
         if (stander := self._standers.get(worker)) is None:
             from .standing import Stander
 
             stages = self._stage_1, self._stage_2
             stander = Stander(self.robot, self.limits, self.config, *stages, worker)
             self._standers[worker] = stander
-        standing = batch[:, ELAPSED] < 0.0
-        robots = standing.nonzero()[0]
-        if len(robots) < len(batch):
-            part = rows[~standing]
-            self._stage_2.regulate(batch[~standing], part, worker)
-            rows[~standing] = part
-        stander.plan(batch, rows, robots)
+        if standing < len(batch):
+            walking = batch[:, ELAPSED] >= 0.0
+            part = rows[walking]
+            self._stage_2.regulate(batch[walking], part, worker)
+            rows[walking] = part
+        stander.plan(batch, rows)
 
 
 class RandomPolicy:

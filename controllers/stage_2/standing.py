@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..array_table import Floats1, Floats2, Ints1, only_part_of, parts_table
 from ..errors import InvalidValueError
 from ..jit import njit
 from ..model.gait_box import GaitLimits
@@ -47,33 +48,35 @@ FREE = 1e9  # a bound that never binds
 class Program(NamedTuple):
     """Constant matrices of one axis with n inputs, CoPs first, and the workspace of both axes."""
 
-    feedback: Floats  # (n, 3) optimum per DCM, lean and rate
-    lean: Floats  # (nodes, n + 2) angle at each node per input, then per lean and rate
-    end: Floats  # (n + 1,) DCM at the end per input, then per DCM
-    whitened: Floats  # (n, n) L^-T, H = L L': inputs per solution of the least-distance problem
-    handle: NDArray[np.int64]
-    matrix: Floats  # (rows, 2 n): trunk accelerations and angles of x, then of y; edge by edge the CoPs
-    lower: Floats  # (rows,)
-    upper: Floats  # (rows,)
-    solution: Floats  # (2 n,)
-    plan: Floats  # (2, n), of both axes
-    hull: Floats  # of `write_hull`
+    numbers: Floats1  # see `Constants`
+    feedback: Floats2  # (n, 3) optimum per DCM, lean and rate
+    lean: Floats2  # (trunks, n + 2) angle after each interval per input, then per lean and rate
+    end: Floats1  # (n + 1,) DCM at the end per input, then per DCM
+    whitened: Floats2  # (n, n) L^-T, H = L L': inputs per solution of the least-distance problem
+    handle: Ints1
+    matrix: Floats2  # (rows, 2 n): trunk accelerations and angles of x, then of y; edge by edge the CoPs
+    lower: Floats1  # (rows,)
+    upper: Floats1  # (rows,)
+    solution: Floats1  # (2 n,)
+    plan: Floats2  # (2, n), of both axes
+    hull: Floats2  # of `write_hull`
 
 
 @njit(cache=True)
-def plan_standing_rows(rows: Any, out: Any, numbers: Any, cops: int, p: Program) -> None:
+def plan_standing_rows(rows: Any, out: Any, packed: Any) -> None:
     """Plan every row of (n, INPUTS) into (n, RESULT_SIZE); see `StandingPlanner.plan_batch`."""
-    c = constants_of(numbers)
+    p = only_part_of(packed, Program)
+    c = constants_of(p.numbers)
     for i in range(rows.shape[0]):
-        out[i, problem.RESULT_STATUS] = _solve(rows[i], cops, c, p)
-        _write_plan(rows[i], out[i], cops, c, p)
+        out[i, problem.RESULT_STATUS] = _solve(rows[i], c, p)
+        _write_plan(rows[i], out[i], c, p)
 
 
 @njit(cache=True)
-def _solve(row: Any, cops: int, c: Constants, p: Program) -> int:
+def _solve(row: Any, c: Constants, p: Program) -> int:
     """Plan one row: the optimum, and the nearest plan within the bounds where it passes one; the status."""
-    n = p.feedback.shape[0]
-    trunks, nodes = n - cops, p.lean.shape[0]
+    n, trunks = p.feedback.shape[0], p.lean.shape[0]
+    cops = n - trunks
     write_hull(row[OTHER_FOOT], row[OTHER_FOOT + 1], row[TURN], c.cop_x, c.cop_y, p.hull)
     inside = True
     for axis in range(2):
@@ -83,17 +86,17 @@ def _solve(row: Any, cops: int, c: Constants, p: Program) -> int:
             row[LEAN_RATE + axis],
         )
         low, high = acceleration_interval(lean, c.gravity, c.torque, c.pitch if axis == 0 else c.roll)
-        u, at = p.plan[axis], axis * (trunks + nodes)
+        u, at = p.plan[axis], 2 * axis * trunks
         for j in range(n):
             u[j] = p.feedback[j, 0] * dcm + p.feedback[j, 1] * lean + p.feedback[j, 2] * rate
         for j in range(trunks):
             p.lower[at + j], p.upper[at + j] = low - u[cops + j], high - u[cops + j]
-        for k in range(nodes):
+        for k in range(trunks):
             angle = p.lean[k, n] * lean + p.lean[k, n + 1] * rate
             for j in range(n):
                 angle += p.lean[k, j] * u[j]
             p.lower[at + trunks + k], p.upper[at + trunks + k] = -c.angle - angle, c.angle - angle
-    first = 2 * (trunks + nodes)
+    first = 4 * trunks
     for e in range(REACH):
         x, y = p.hull[e, NORMAL], p.hull[e, NORMAL + 1]
         room = p.hull[e, OFFSET] - 0.5 * (x * row[OTHER_FOOT] + y * row[OTHER_FOOT + 1])
@@ -120,9 +123,9 @@ def _solve(row: Any, cops: int, c: Constants, p: Program) -> int:
 
 
 @njit(cache=True)
-def _write_plan(row: Any, out: Any, cops: int, c: Constants, p: Program) -> None:
+def _write_plan(row: Any, out: Any, c: Constants, p: Program) -> None:
     """CoP, trunk acceleration and expected DCM, within the bounds whatever became of the solver."""
-    n = p.feedback.shape[0]
+    n, cops = p.feedback.shape[0], p.feedback.shape[0] - p.lean.shape[0]
     for axis in range(2):
         rest, u = 0.5 * row[OTHER_FOOT + axis], p.plan[axis]
         low, high = acceleration_interval(
@@ -161,6 +164,7 @@ class StandingPlanner:
         self._cops = self._until if config.use_cop else 0
         self._trunks = self.durations.size if config.use_trunk else 0
         self._program, self._solver = self._build()
+        self.packed = parts_table([self._program])  # addresses, good as long as this planner lives
 
     def __reduce__(self) -> tuple[Any, ...]:
         return StandingPlanner, (self.robot, self.limits, self.config)
@@ -186,7 +190,7 @@ class StandingPlanner:
         soft = np.tile(np.repeat([0.0, config.beta_trunk_limit], trunks), 2)
         solver = LeastDistance(matrix, np.concatenate([soft, np.zeros(edges)]))
         program = Program(
-            feedback=np.asarray(-np.linalg.solve(H, f), np.float64),
+            numbers=self._numbers, feedback=np.asarray(-np.linalg.solve(H, f), np.float64),
             lean=np.delete(lean, n, axis=1), end=end[0, : n + 1].copy(),
             whitened=whitened, handle=solver.handle, matrix=solver.M,
             lower=solver.lower, upper=solver.upper, solution=solver.x, plan=np.zeros((2, n)),
@@ -218,11 +222,6 @@ class StandingPlanner:
             rate[k, n + 2] = 1.0
         return end, lean, rate
 
-    @property
-    def compiled(self) -> tuple[Any, int, Program]:
-        """What `plan_standing_rows` takes after its rows."""
-        return self._numbers, self._cops, self._program
-
     def plan_batch(self, rows: Floats) -> Floats:
         """Plan n robots by DAQP in one compiled loop.
 
@@ -242,5 +241,5 @@ class StandingPlanner:
         if not (fine := np.isfinite(rows).all(axis=1)).all():
             raise InvalidValueError(f"stage 2 of standing needs finite states, got {rows[~fine][0].tolist()}")
         out = np.zeros((len(rows), problem.RESULT_SIZE))
-        plan_standing_rows(rows, out, *self.compiled)
+        plan_standing_rows(rows, out, self.packed)
         return out

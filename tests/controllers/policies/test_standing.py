@@ -30,5 +30,5 @@ def test_the_margin_is_that_of_what_the_variant_may_use(arm, soles, flywheel):
             robot, limits, Feet((0.05, robot.pelvis_width)), seen[DCM], seen[TRUNK_ANGLE], seen[TRUNK_RATE],
             soles=soles, flywheel=flywheel,
         )  # fmt: skip
-        found = margin_in_place(seen, stander._constants, stander._capture, hull)
+        found = margin_in_place(seen, stander._constants, stander._in_place.capture, hull)
         assert found == pytest.approx(expected, abs=1e-12)
