@@ -16,7 +16,7 @@ from ...envs.biped.view import add_markers, set_posture
 from .session import CLICK, Session, floor_impulse, polar_impulse, status_words
 
 FRAME = 1.0 / 60.0  # [s]
-KEYS = "space: push, R: replay, P: pause, F: one period, N: start anew, -/=: slower, faster"
+KEYS = "space: push, S: stand or step at rest, R: replay, P: pause, F: one period, N: start anew, -/=: speed"
 SLOWER = 0.5  # of the speed, a key press
 
 
@@ -36,7 +36,7 @@ class Desktop:
         actions: dict[str, Callable[[], object]] = {
             " ": lambda: session.push(self._impulse), "R": session.replay, "N": session.restart,
             "P": session.pause_or_go_on, "F": session.step_once, "-": lambda: session.faster(SLOWER),
-            "=": lambda: session.faster(1.0 / SLOWER),
+            "=": lambda: session.faster(1.0 / SLOWER), "S": lambda: session.stand_at_rest(not session.stands),
         }  # fmt: skip
         while self._keys:
             action = actions.get(chr(self._keys.pop(0)))

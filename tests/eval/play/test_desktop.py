@@ -45,6 +45,15 @@ def test_keys_push_repeat_pause_step_and_slow_down(desktop, capsys):
     assert (session.first.time, session.paused) == (0.0, False)
 
 
+def test_a_key_has_a_robot_at_rest_stand_and_step_again(desktop):
+    session = desktop.session
+    for stands in (True, False):
+        press(desktop, "S")
+        for _ in range(150):
+            session.step()
+        assert session.first.stands is stands
+
+
 def test_a_drag_by_mouse_pushes_where_it_is_let_go(desktop):
     core = desktop.session.first.episodes.core
     data = mujoco.MjData(core.body.model)
