@@ -106,10 +106,19 @@ def stated_trials(env_id: str) -> Mapping[str, Any]:
     return {}
 
 
+def met_words(note: Mapping[str, Any]) -> str:
+    """What a training met: kinds of suites, or bodies that were pushed; "" where its note says neither."""
+    settings = note.get("settings") or {}
+    if settings.get("like"):
+        return ", ".join(dict.fromkeys(settings["like"]))
+    bodies = dict.fromkeys(settings.get("pushes", {}).get("bodies", ["pelvis"] if settings else []))
+    return " and ".join(bodies) if len(bodies) <= 2 else f"{len(bodies)} bodies"
+
+
 def search_words(policy: str, trials: Mapping[str, Any]) -> str:
     """How much search or training a policy is the result of; a dash where nothing is known.
 
-    A training without actions is one by imitation.
+    A training without actions is one by imitation; of any other its `met_words` follow.
 
     Args:
         policy: as rows have it: a name, or a policy file.
@@ -121,7 +130,8 @@ def search_words(policy: str, trials: Mapping[str, Any]) -> str:
             note = training_note(policy_paths(origin)[1])
             actions = note.get("timesteps") if isinstance(note, dict) else None
             if isinstance(actions, int):
-                return f"{actions / 1e6:.1f} M actions" if actions else "imitation"
+                words = f"{actions / 1e6:.1f} M actions" if actions else "imitation"
+                return f"{words}, {met}" if actions and (met := met_words(note)) else words
         elif origin in ARMS and isinstance(count := trials.get(origin), int):
             return f"{count} trials"
     return "-"

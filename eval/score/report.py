@@ -33,8 +33,9 @@ DRIVEN_NOTE = (
     "command and 20 degrees of upright, wherever its feet are. Others move legs and waist and know the model."
 )
 SEARCH_NOTE = (
-    "Found by: trials of the search for a planner's settings, or actions of a policy's training; imitation "
-    "is training without any."
+    "Found by: trials of the search for a planner's settings, or actions of a policy's training and the "
+    "bodies that were pushed, or the kinds of suites, in it: other pushes are new to it. Imitation is "
+    "training without any."
 )
 PAIRS_NOTE = "Differences with Newcombe's 95 % interval; p: exact McNemar, and corrected for several pairs."
 LIMITS_NOTE = (

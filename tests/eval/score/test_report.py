@@ -15,6 +15,7 @@ from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.tables import markdown_page
 from push_recovery.eval.report import headline
 from push_recovery.eval.rollout.outcome import recovered_after
+from push_recovery.eval.rollout.policy_source import search_words
 from push_recovery.eval.score import report
 from push_recovery.eval.score.evaluate import Evaluation, limit_summary
 from push_recovery.eval.score.suites import Suite, get_suite
@@ -167,7 +168,7 @@ def test_how_much_search_found_a_policy_is_a_column_where_it_is_known(evaluation
     table = report.rates_table(found)
     assert table.columns[-1] == "found by"
     assert [cells[-1] for cells in table.rows] == [
-        "188 trials", "7 trials", "-", "2.3 M actions", "imitation", "8.0 M actions", "-"
+        "188 trials", "7 trials", "-", "2.3 M actions", "imitation", "8.0 M actions, pelvis", "-"
     ]  # fmt: skip
     assert "trials of the search" in table.note
     page = headline.rates_table(found)
@@ -178,6 +179,22 @@ def test_how_much_search_found_a_policy_is_a_column_where_it_is_known(evaluation
     nothing = report.rates_table(replace(found, rows={"stage-1": found.rows["stage-1"]}))
     assert nothing.columns[-1] == "bent"
     assert "trials" not in nothing.note
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"pushes": {"bodies": ["pelvis", "trunk", "pelvis"]}}, "pelvis and trunk"),
+        ({"pushes": {"bodies": ["pelvis", "trunk", "left_foot"]}, "like": None}, "3 bodies"),
+        ({"pushes": {"bodies": ["pelvis"]}, "like": ["quick", "quick", "hard"]}, "quick, hard"),
+        ({"pushes": {}}, "pelvis"),  # before there were others
+    ],
+)
+def test_a_table_says_what_a_training_met(settings, words, tmp_path):
+    (tmp_path / "own.safetensors").touch()
+    note = {"training": {"timesteps": 600_000, "settings": settings}}
+    (tmp_path / "own.json").write_text(json.dumps(note))
+    assert search_words(str(tmp_path / "own.safetensors"), {}) == f"0.6 M actions, {words}"
 
 
 def limit_row(survived, first, **shares):
