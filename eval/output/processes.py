@@ -180,7 +180,8 @@ def _answer(state: Any, failed: bytes | None, content: bytes) -> bytes:
 
 def _failure(error: Exception) -> bytes:
     """Errors travel as text, since not every exception survives pickling."""
-    return pickle.dumps((None, f"{type(error).__name__}: {error}"))
+    ours = isinstance(error, PushRecoveryError)
+    return pickle.dumps((None, str(error) if ours else f"{type(error).__name__}: {error}"))
 
 
 class RayWorkers(int):

@@ -52,6 +52,10 @@ def base(number):
     return number
 
 
+def complain(state, job):
+    raise InvalidValueError(f"no push at {job}")
+
+
 def add(state, job):
     if job < 0:
         raise KeyError("no such thing")
@@ -111,6 +115,7 @@ def test_results_come_with_the_numbers_of_their_jobs():
     [
         (-1, add, 1, "^ValueError: no state from -1$"),
         (0, add, -1, "^KeyError: 'no such thing'$"),
+        (0, complain, 3, "^no push at 3$"),
         (0, refuse, 2, "Can't pickle local object"),
         (0, end, 0, "^a worker process ended before its work was done"),
         (0, die, 0, "^a worker process ended before its work was done"),
