@@ -18,6 +18,7 @@ from push_recovery.controllers.model.standing import (
     max_standing_impulse,
     standing_margin,
     standing_trajectory,
+    stays_on_other_foot,
     write_hull,
 )
 from scipy.spatial import ConvexHull
@@ -116,6 +117,31 @@ def test_the_trunk_gives_what_it_has_left():
     high = recoverable_offset(ROBOT, LIMITS, trunk_angle=(0.5, 0.0)).high[0]
     assert leaning - none == pytest.approx(high - recoverable_offset(ROBOT, LIMITS, flywheel=False).high[0])
     assert standing_margin(ROBOT, LIMITS, feet, dcm, trunk_angle=(0.5, 0.0), trunk_rate=(1.0, 0.0)) < leaning
+
+
+@pytest.mark.parametrize("lean", [(0.4, 0.0), (0.0, 0.3), (-0.2, 0.5)])
+def test_the_trunk_gives_as_much_towards_opposite_sides(lean):
+    """Feet side by side are symmetrical forward and backward, and left and right of their middle."""
+    feet, (x, y), rate = Feet((0.0, 0.2)), (0.12, 0.17), (0.6, -0.8)
+    margin = standing_margin(ROBOT, LIMITS, feet, (x, y), lean, rate)
+    turned = standing_margin(ROBOT, LIMITS, feet, (-x, y), (-lean[0], lean[1]), (-rate[0], rate[1]))
+    assert turned == pytest.approx(margin, abs=1e-12)
+    turned = standing_margin(ROBOT, LIMITS, feet, (x, 0.2 - y), (lean[0], -lean[1]), (rate[0], -rate[1]))
+    assert turned == pytest.approx(margin, abs=1e-12)
+
+
+def test_a_step_begins_on_the_foot_nearer_to_the_cop():
+    """CoP and roll are seen from there then, left and right exchanged; place and time are its own already."""
+    plan = np.array([0.3, 0.25, 0.4, 0.02, 0.15, 1.0, 2.0])  # place, time, CoP, trunk
+    seen = plan.copy()
+    assert stays_on_other_foot(seen, 0.05, 0.2)
+    assert seen == pytest.approx([0.3, 0.25, 0.4, -0.03, 0.05, 1.0, -2.0])
+    plan[4] = 0.05
+    seen = plan.copy()
+    assert not stays_on_other_foot(seen, 0.05, 0.2)
+    assert seen.tolist() == plan.tolist()
+    assert stays_on_other_foot(seen, 0.05, 0.2, True)
+    assert seen == pytest.approx([0.3, 0.25, 0.4, -0.03, 0.15, 1.0, -2.0])
 
 
 def test_a_waist_without_an_axis_gives_nothing_about_it():
