@@ -5,7 +5,11 @@ import math
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.model.capturability import recoverable_offset
+from push_recovery.controllers.model.capturability import (
+    capture_constants,
+    capture_margin,
+    recoverable_offset,
+)
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.model.standing import (
@@ -14,8 +18,10 @@ from push_recovery.controllers.model.standing import (
     HULL_ROWS,
     OFFSET,
     Feet,
+    margin_on_both_feet,
     max_standing_force,
     max_standing_impulse,
+    may_settle,
     standing_margin,
     standing_trajectory,
     stays_on_other_foot,
@@ -128,6 +134,46 @@ def test_the_trunk_gives_as_much_towards_opposite_sides(lean):
     assert turned == pytest.approx(margin, abs=1e-12)
     turned = standing_margin(ROBOT, LIMITS, feet, (x, 0.2 - y), (lean[0], -lean[1]), (rate[0], -rate[1]))
     assert turned == pytest.approx(margin, abs=1e-12)
+
+
+@pytest.mark.parametrize("dcm", [(0.05, 0.12), (0.4, -0.1), (-0.3, 0.5), (0.1, 0.6)])
+def test_the_margin_on_both_feet_is_the_best_of_staying_and_of_a_step_of_either(dcm):
+    other, constants = (0.05, 0.22), capture_constants(ROBOT, LIMITS)
+    lean, rate = (0.2, -0.3), (-0.5, 0.7)
+    arrays = [np.array(one, float) for one in (other, dcm, lean, rate)]
+    from_other = (dcm[0] - other[0], other[1] - dcm[1]), (lean[0], -lean[1]), (rate[0], -rate[1])
+    expected = max(
+        standing_margin(ROBOT, LIMITS, Feet(other), dcm, lean, rate),
+        capture_margin(ROBOT, LIMITS, 0.0, dcm, lean, rate),
+        capture_margin(ROBOT, LIMITS, 0.0, *from_other),
+    )
+    assert margin_on_both_feet(*arrays, constants) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("other", "dcm", "settles"),
+    [  # soles of 0.2 x 0.1 m: within 2 cm of their hull, feet within 5 cm of side by side, 0.2 m apart
+        ((0.0, 0.2), (0.0, 0.1), True),
+        ((0.0, 0.2), (0.079, 0.1), True),
+        ((0.0, 0.2), (0.081, 0.1), False),
+        ((0.0, 0.2), (-0.081, 0.1), False),
+        ((0.0, 0.2), (0.0, -0.029), True),
+        ((0.0, 0.2), (0.0, -0.031), False),
+        ((0.0, 0.2), (0.0, 0.229), True),
+        ((0.0, 0.2), (0.0, 0.231), False),
+        ((0.04, 0.2), (0.119, 0.1), True),
+        ((0.049, 0.2), (0.0, 0.1), True),
+        ((0.051, 0.2), (0.0, 0.1), False),
+        ((-0.051, 0.2), (0.0, 0.1), False),
+        ((0.0, 0.249), (0.0, 0.1), True),
+        ((0.0, 0.251), (0.0, 0.1), False),
+        ((0.0, 0.149), (0.0, 0.1), False),
+        ((0.0, -0.2), (0.0, -0.1), True),
+        ((0.0, -0.2), (0.0, 0.1), False),
+    ],
+)
+def test_a_robot_settles_on_feet_side_by_side_with_its_dcm_well_within_them(other, dcm, settles):
+    assert may_settle(*other, *dcm, 0.1, 0.05, 0.2) is settles
 
 
 def test_a_step_begins_on_the_foot_nearer_to_the_cop():
