@@ -62,10 +62,21 @@ def test_trunk_reserve_equals_dense_integration_of_the_fastest_swing():
         assert with_trunk - without == pytest.approx(total, abs=1e-4)
 
 
-def test_a_trunk_too_fast_to_stop_costs_margin():
+def test_a_trunk_too_fast_to_stop_costs_what_its_brake_and_its_stop_push_back():
+    """It brakes until it meets the stop at theta_max, which takes the rest of its speed at once."""
+    gain, push, top = ROBOT.cmp_per_trunk_acceleration, 18.75, ROBOT.trunk_angle_max
+    for angle, rate in ((0.3, 8.0), (top - 0.05, 6.0)):
+        dt, t, total, a, r = 1e-6, 0.0, 0.0, angle, rate
+        while a < top:
+            total -= gain * push * ROBOT.omega * math.exp(-ROBOT.omega * (t + dt / 2)) * dt
+            a, r, t = a + r * dt, r - push * dt, t + dt
+        total -= gain * ROBOT.omega * math.exp(-ROBOT.omega * t) * r
+        with_trunk = recoverable_offset(ROBOT, LIMITS, 0.0, (angle, 0.0), (rate, 0.0)).high[0]
+        without = recoverable_offset(ROBOT, LIMITS, flywheel=False).high[0]
+        assert r > 1.0
+        assert with_trunk - without == pytest.approx(total, abs=1e-4)
     resting = capture_margin(ROBOT, LIMITS, 0.0, (0.4, 0.1))
-    slamming = capture_margin(ROBOT, LIMITS, 0.0, (0.4, 0.1), (1.0, 0.0), (6.0, 0.0))
-    assert slamming < resting
+    assert capture_margin(ROBOT, LIMITS, 0.0, (0.4, 0.1), (1.0, 0.0), (6.0, 0.0)) < resting
 
 
 @pytest.mark.parametrize("bad", [(math.nan, 0.1), (0.0, 0.0)])
