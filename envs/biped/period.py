@@ -179,7 +179,7 @@ class Plant(NamedTuple):
     judged: Physics
 
 
-@njit(cache=True, forceinline=True)
+@njit(cache=True, inline="always")
 def plant_of(t: Tables) -> Plant:
     """Read the parts of the arena that a physics step moves."""
     a = t.arena
@@ -368,7 +368,7 @@ def place_of(number: int) -> int:
     return PUSHED_BODY[number] if number < len(PUSHED_BODY) else BODIES + number - len(PUSHED_BODY)
 
 
-@njit(cache=True, forceinline=True)
+@njit(cache=True, inline="always")
 def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -> None:
     """Write the mean push over the coming physics step into the external forces of one robot.
 
@@ -401,7 +401,7 @@ def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -
                 pushes.delivered[k, i, a] += force[a] * dt
 
 
-@njit(cache=True, forceinline=True)
+@njit(cache=True, inline="always")
 def load_plant(plant: Plant, k: int, met: int, dt: float) -> None:
     """Let pushes and the floor under robot k act in the coming physics step, whose time passes.
 
@@ -415,7 +415,7 @@ def load_plant(plant: Plant, k: int, met: int, dt: float) -> None:
         place_tiles(plant.floors, k)
 
 
-@njit(cache=True, forceinline=True)
+@njit(cache=True, inline="always")
 def learn_from_step(plant: Plant, k: int, dt: float) -> None:
     """Give robot k the mass matrix and bias that it has learned, and count what its contacts gave."""
     phys, known = plant.physics, plant.known
