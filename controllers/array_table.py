@@ -10,6 +10,9 @@ dimension its arrays are, follows from the annotations of their fields (`Floats2
 in which annotation and value disagree, since it would be read wrongly, and every later one from another's
 memory. Constants, NamedTuples of floats, go as one array, which `tuple_reader` gives by name.
 
+A kernel that many others call lies behind an address, too (`address_of`, `caller_of`): numba compiles what
+a kernel calls once more with it.
+
 An annotation may also say that an array, or a whole part, is not the state of single robots, as
 `Annotated[Floats1, COMMON]`. Without that it is: an array that is added cannot be forgotten in a snapshot.
 """
@@ -22,7 +25,7 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
 from numba import types
-from numba.core.cgutils import get_item_pointer
+from numba.core.cgutils import get_item_pointer, if_unlikely, unpack_tuple
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 from numba.np.numpy_support import carray, from_dtype
@@ -155,6 +158,41 @@ def only_part_of(typingctx, table, part):
     """The part of a class, of a table that begins with it, in compiled code."""
     whole, codegen = _reader(table, part.instance_class, 0, "A")
     return whole(table, part), codegen
+
+
+def address_of(kernel: Any, signature: Any) -> int:
+    """Address of a kernel's code for the types of a signature, compiled if need be.
+
+    It holds in this process, as long as the kernel lives. Another return type raises TypeError.
+    """
+    kernel.compile(signature.args)
+    found = kernel.overloads[signature.args]
+    if found.signature.return_type != signature.return_type:
+        raise TypeError(
+            f"{kernel.__name__} returns {found.signature.return_type}, not {signature.return_type}"
+        )
+    return found.library.get_pointer_to_function(found.fndesc.llvm_func_name)
+
+
+def caller_of(signature: Any) -> Callable[..., Any]:
+    """A call in compiled code, as (address, *arguments), of a kernel that has an `address_of` a signature."""
+
+    @intrinsic
+    def call(typingctx, address, *arguments):
+        def codegen(context, builder, _, args):
+            result, kinds, convention = signature.return_type, signature.args, context.call_conv
+            values = zip(unpack_tuple(builder, args[1]), arguments, kinds, strict=True)
+            given = [context.cast(builder, value, own, kind) for value, own, kind in values]
+            pointer = convention.get_function_type(result, kinds).as_pointer()
+            function = builder.inttoptr(args[0], pointer)
+            status, found = convention.call_function(builder, function, result, kinds, given)
+            with if_unlikely(builder, status.is_error):
+                convention.return_status_propagate(builder, status)
+            return found
+
+        return signature.return_type(types.int64, types.StarArgTuple.from_types(arguments)), codegen
+
+    return call
 
 
 def _part_of(table: Any, parts: Any, name: Any, layout: str) -> Any:

@@ -211,7 +211,7 @@ def com_cmp_offset_and_deficit(
     return (place[0] - cmp_x, place[1] - cmp_y), (missing_x, missing_y)
 
 
-@njit(cache=True, forceinline=True)
+@njit(cache=True, inline="always")
 def move_references(
     phys: Physics, gait: Gait, k: int, s: GaitSettings, sole: Vector, facing: Heading, target: Point,
     travel: Point, remaining: float, dt: float,
@@ -263,7 +263,7 @@ def torque_on_both_feet(
     return met
 
 
-@njit(cache=True, forceinline=True)
+@njit(cache=True, inline="always")
 def walk(
     phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, both: Bounds, dt: float
 ) -> int:
@@ -372,7 +372,7 @@ def stand(phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, both
     return torque_on_both_feet(phys, gait, k, task, velocity[2], 1.0, gains, both)
 
 
-@njit(cache=True, forceinline=True)
+@njit(cache=True, inline="always")
 def control(
     phys: Physics, gait: Gait, k: int, s: GaitSettings, gains: Gains, bounds: Bounds, both: Bounds,
     landing: Ints, dt: float,

@@ -2,7 +2,7 @@
 
 One planning period holds one gait action. Within it every physics step computes touchdown, swing foot,
 whole-body torque and push, and then the robot's simulation advances: all in one compiled call
-(`period.period_calls`), on as many threads as asked for.
+(`period.whole_period`), on as many threads as asked for.
 """
 
 from __future__ import annotations
@@ -53,7 +53,20 @@ from .floor import KnownFloor, assign_floor, lay_floor, level_floors, pattern_of
 from .laws import assign_laws, moves, own_floor
 from .limits_record import LimitsReport, clear_record, empty_record, plan_limits, report_limits
 from .model_errors import assign_errors, check_biped_errors, no_errors
-from .period import GAIT, Actuation, Arena, Exchange, Tables, arena_constants, period_calls, substeps
+from .period import (
+    GAIT,
+    Actuation,
+    Arena,
+    Exchange,
+    Tables,
+    arena_constants,
+    begin_period,
+    calls_of,
+    finish_period,
+    make_steps,
+    substeps,
+    whole_period,
+)
 from .posture import posture
 
 BIPED = RobotModel()  # Table II
@@ -272,7 +285,8 @@ class BipedCore:
             for w in range(self._threads.threads)
         ]
         self._arenas = [
-            [Arena(*state, bounds, both, exchange, self.contacts, handles, *rest, *sense.sensing)
+            [Arena(*state, bounds, both, exchange, self.contacts, handles, *rest, *sense.sensing,
+                   calls_of(self.actuation, sense.estimator))
              for bounds, both, handles in workers]
             for sense in self.senses.kinds
         ]  # fmt: skip
@@ -284,7 +298,6 @@ class BipedCore:
             [Tables(parts_table(arena), own, parts_table(estimate)) for arena in arenas]
             for arenas, estimate in zip(self._arenas, estimates, strict=True)
         ]
-        self._calls = [period_calls(self.actuation, sense.estimator) for sense in self.senses.kinds]
 
     def assign(self, k: int, scenario: Scenario) -> None:
         """Give robot k what a scenario says: model, floor, errors, sensing, pushes, new commands, kicks.
@@ -354,7 +367,7 @@ class BipedCore:
         clear_record(self.limits_record, k)
         self.truth[k] = 0.0
         kind = self.senses.of(k)
-        self._calls[kind].finish(self._tables[kind][0], self.constants, k, k + 1)
+        finish_period(self._tables[kind][0], self.constants, k, k + 1)
 
     def _posture(
         self, com: Array, velocity: Array, soles: Array, lean: tuple[float, float]
@@ -413,8 +426,8 @@ class BipedCore:
 
         def job(worker: int, first: int, end: int) -> None:
             for kind, start, stop in self.senses.runs(first, end):
-                table, whole = self._tables[kind][worker], self._calls[kind].whole
-                whole(table, constants, gaits, actions, steps, share, CONTROL_STEP, start, stop)
+                table = self._tables[kind][worker]
+                whole_period(table, constants, gaits, actions, steps, share, CONTROL_STEP, start, stop)
 
         self._threads.run(job, self.n)
 
@@ -467,15 +480,12 @@ class BipedCore:
     def _step_slowly(self, gaits: Array, actions: Array, look: Callable[[], None]) -> None:
         """Step on one thread, physics step by physics step, and look after each."""
         constants, share = self.constants, 1.0 / max(self.substeps, 1)
-        runs = [
-            (self._calls[kind], self._tables[kind][0], first, end)
-            for kind, first, end in self.senses.runs(0, self.n)
-        ]
-        for calls, table, first, end in runs:
-            calls.begin(table, constants, gaits, actions, first, end)
+        runs = [(self._tables[kind][0], first, end) for kind, first, end in self.senses.runs(0, self.n)]
+        for table, first, end in runs:
+            begin_period(table, constants, gaits, actions, first, end)
         for _ in range(self.substeps):
-            for calls, table, first, end in runs:
-                calls.steps(table, constants, 1, share, CONTROL_STEP, first, end)
+            for table, first, end in runs:
+                make_steps(table, constants, 1, share, CONTROL_STEP, first, end)
             look()
-        for calls, table, first, end in runs:
-            calls.finish(table, constants, first, end)
+        for table, first, end in runs:
+            finish_period(table, constants, first, end)

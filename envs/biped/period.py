@@ -1,16 +1,18 @@
 """A planning period of n bipeds in one compiled call: begin, physics steps, finish; one loop for all.
 
 All arrays lie behind address tables (`Tables`). How an action becomes torques is an `Actuation`, where robots
-know their state from is an `Estimator`; `period_calls` puts both into the loop when it is compiled.
+know their state from is an `Estimator`. The loop calls both through their addresses (`calls_of`), so that it
+and whole-body control are compiled once, whatever else there is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from numba import typeof, types
 from numba.np.numpy_support import carray
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
@@ -21,12 +23,16 @@ from ...controllers.array_table import (
     Floats1,
     Floats2,
     Floats3,
+    Ints1,
+    address_of,
+    caller_of,
+    first_rows,
     only_part_of,
     part_of,
 )
 from ...controllers.errors import InvalidValueError
 from ...controllers.estimation import self_model
-from ...controllers.estimation.base_estimate import CONTACT_FILTER, Estimator
+from ...controllers.estimation.base_estimate import Estimator
 from ...controllers.estimation.observe import Contacts, count_contacts, observe, tracks_plan
 from ...controllers.estimation.self_model import SelfModel
 from ...controllers.jit import njit
@@ -82,6 +88,15 @@ class Exchange(NamedTuple):
     com: Floats2  # (n, 2) true CoM in the world [m], written
 
 
+class Calls(NamedTuple):
+    """Addresses of what the loop calls for one robot, see `calls_of`."""
+
+    at: Ints1  # (5,)
+
+
+BEGIN, TORQUES, FINISH, SENSE, CONTROL = range(5)
+
+
 class Arena(NamedTuple):
     """Everything that the loop of any biped reads and writes."""
 
@@ -103,6 +118,7 @@ class Arena(NamedTuple):
     judged: Annotated[Physics, SENSED]  # the true state: `physics` itself, but of robots with sensors
     judged_contacts: Annotated[Contacts, SENSED]
     judged_handles: Annotated[Handles, NO_STATE]
+    calls: Annotated[Calls, NO_STATE]
 
 
 class Tables(NamedTuple):
@@ -163,7 +179,7 @@ class Plant(NamedTuple):
     judged: Physics
 
 
-@njit(cache=True, forceinline=True)
+@njit(cache=True, inline="always")
 def plant_of(t: Tables) -> Plant:
     """Read the parts of the arena that a physics step moves."""
     a = t.arena
@@ -184,98 +200,118 @@ class Felt(NamedTuple):
 
 
 class Actuation(NamedTuple):
-    """How an action becomes torques: compiled functions that the loop calls for one robot.
+    """How an action becomes torques: kernels that the loop calls for one robot.
 
-    `own` is whatever `parts` reads of `Tables.own`, the table of a core's `own` parts.
+    They find what they need in `Tables`, of which `own` is the table of a core's `own` parts.
     """
 
     begin: Callable[..., None]  # (t, c, k, gait (7,), action (7,)): hold what is asked in the period
-    parts: Callable[..., Any]  # (t): own, read once for all physics steps
-    torques: Callable[..., int]  # (own, plant, controller, k, share, dt): write phys.ctrl; bits of limits met
+    torques: Callable[..., int]  # (t, c, k, share, dt): write phys.ctrl; bits of limits met
     finish: Callable[..., None]  # (t, c, k, felt): what else is observed, after the robot's observation
 
 
-class PeriodCalls(NamedTuple):
-    """The compiled calls of a planning period of robots first..end-1."""
-
-    whole: Callable[..., None]  # (t, c, gaits (n, 7), actions (n, 7), steps, share, dt, first, end)
-    begin: Callable[..., None]  # (t, c, gaits, actions, first, end)
-    steps: Callable[..., None]  # (t, c, steps, share, dt, first, end)
-    finish: Callable[..., None]  # (t, c, first, end)
+TABLES, _FLOATS = typeof(Tables(*[np.empty((0, 7), np.int64)] * 3)), types.float64[::1]
+_VECTOR, _ROBOT, _NUMBER = types.UniTuple(types.float64, 3), types.int64, types.float64
+_FELT = types.NamedTuple((_VECTOR, _NUMBER, _VECTOR), Felt)
+SIGNATURES = (  # of what lies at BEGIN, TORQUES, FINISH, SENSE and CONTROL
+    types.void(TABLES, _FLOATS, _ROBOT, _FLOATS, _FLOATS),
+    types.int64(TABLES, _FLOATS, _ROBOT, _NUMBER, _NUMBER),
+    types.void(TABLES, _FLOATS, _ROBOT, _FELT),
+    types.void(TABLES, _ROBOT, _NUMBER),
+    types.int64(TABLES, _FLOATS, types.int64[:, :], types.int64[:], _ROBOT, _NUMBER),
+)
+begin_robot, find_torques, finish_robot, sense_robot, call_control = (caller_of(one) for one in SIGNATURES)
 
 
 @cache
-def period_calls(actuation: Actuation, estimator: Estimator | None) -> PeriodCalls:
-    """The loop of a planning period under an actuation, of robots that sense alike.
-
-    A step of the loop is `share` of a period and takes `dt` [s]. One robot makes all its steps before the
-    next begins, with its data still in the processor's cache. A robot that has fallen rests. One whose state
-    overflows falls at once, before control divides by it, and keeps the observation that it had.
+def calls_of(actuation: Actuation, estimator: Estimator | None) -> Calls:
+    """What the loop calls under an actuation, of robots that sense alike; compiled.
 
     Args:
         actuation: what turns actions into torques.
-        estimator: of robots that act on their own sensors; None where all act on the true state, whose
-            loop is the one with the first estimator.
+        estimator: of robots that act on their own sensors; None where all act on the true state.
     """
-    if estimator is None:
-        return period_calls(actuation, CONTACT_FILTER)
-    begin_robot, own_parts, torques, finish_robot = actuation
-    advance_sensing = sensing_step(estimator)
+    sense = sensing_step(estimator) if estimator else None
+    kernels = zip((*actuation, sense, control_robot), SIGNATURES, strict=True)
+    return Calls(np.array([address_of(kernel, one) if kernel else 0 for kernel, one in kernels]))
 
-    @njit(cache=True, nogil=True)
-    def begin(t, c, gaits, actions, first, end):
-        failure, period = part_of(t.arena, Arena, "gait").failure, part_of(t.arena, Arena, "errors").period
-        for k in range(first, end):
-            if failure[k] == 0:
-                period[k] += 1
-            begin_robot(t, c, k, gaits[k], actions[k])
 
-    @njit(cache=True, nogil=True)
-    def steps(t, c, count, share, dt, first, end):
-        plant, controller, own = plant_of(t), controller_of(t, c), own_parts(t)
-        gait, errors, sensing = plant.gait, plant.errors, acts_on_sensors(t)
-        for k in range(first, end):
-            if gait.failure[k] != 0:
-                continue
-            controller.bounds.grip[0] = controller.both.grip[0] = plant.known.grip[k]
-            for _ in range(count):
-                met = torques(own, plant, controller, k, share, dt)
-                load_plant(plant, k, met, dt)
-                if errors.physical[k] == 0:
-                    brake_joints(plant.physics, k, errors.motors, dt)
-                    advance(plant.handles, k)
-                elif sensing:
-                    advance_sensing(t, plant.physics, errors, k, plant.handles, dt)
-                else:
-                    first_side = (gait.stance[k] + gait.steps[k]) % 2
-                    force = plant.contacts.force[k]
-                    model_errors.advance_with_errors(
-                        plant.physics, errors, k, first_side, plant.handles, force, dt
-                    )
-                if escaped(plant.judged.qvel, k):
-                    gait.failure[k] = NOT_FINITE
-                    break
-                learn_from_step(plant, k, dt)
+@njit(cache=True, nogil=True)
+def begin_period(t: Tables, c: Array, gaits: Array, actions: Array, first: int, end: int) -> None:
+    """Hold gaits (n, 7) and actions (n, 7) of robots first..end-1 for a planning period."""
+    failure, period = part_of(t.arena, Arena, "gait").failure, part_of(t.arena, Arena, "errors").period
+    calls = part_of(t.arena, Arena, "calls").at
+    for k in range(first, end):
+        if failure[k] == 0:
+            period[k] += 1
+        begin_robot(calls[BEGIN], t, c, k, gaits[k], actions[k])
 
-    @njit(cache=True, nogil=True)
-    def finish(t, c, first, end):
-        judged, gait = part_of(t.arena, Arena, "judged"), part_of(t.arena, Arena, "gait")
-        contacts, settings = part_of(t.arena, Arena, "judged_contacts"), settings_of(c)
-        for k in range(first, end):
-            gait_machine.check_failure(judged, gait, k, settings)
-            if gait.failure[k] != NOT_FINITE:
-                impulse, velocity = vector_in(contacts.impulse, k, 0), vector_in(contacts.velocity, k, 0)
-                felt = Felt(impulse, contacts.time[k], velocity)
-                observe_robot(t, k, settings)
-                finish_robot(t, c, k, felt)
 
-    @njit(cache=True, nogil=True)
-    def whole(t, c, gaits, actions, count, share, dt, first, end):
-        begin(t, c, gaits, actions, first, end)
-        steps(t, c, count, share, dt, first, end)
-        finish(t, c, first, end)
+@njit(cache=True, nogil=True)
+def make_steps(t: Tables, c: Array, count: int, share: float, dt: float, first: int, end: int) -> None:
+    """Let robots first..end-1 make steps, each of which is `share` of a period and takes `dt` [s].
 
-    return PeriodCalls(whole, begin, steps, finish)
+    One robot makes all its steps before the next begins, with its data still in the processor's cache. A
+    robot that has fallen rests. One whose state overflows falls at once, before control divides by it, and
+    keeps the observation that it had.
+    """
+    plant, controller, sensing = plant_of(t), controller_of(t, c), acts_on_sensors(t)
+    gait, errors, calls = plant.gait, plant.errors, part_of(t.arena, Arena, "calls").at
+    for k in range(first, end):
+        if gait.failure[k] != 0:
+            continue
+        controller.bounds.grip[0] = controller.both.grip[0] = plant.known.grip[k]
+        for _ in range(count):
+            met = find_torques(calls[TORQUES], t, c, k, share, dt)
+            load_plant(plant, k, met, dt)
+            if errors.physical[k] == 0:
+                brake_joints(plant.physics, k, errors.motors, dt)
+                advance(plant.handles, k)
+            elif sensing:
+                sense_robot(calls[SENSE], t, k, dt)
+            else:
+                first_side = (gait.stance[k] + gait.steps[k]) % 2
+                force = plant.contacts.force[k]
+                model_errors.advance_with_errors(
+                    plant.physics, errors, k, first_side, plant.handles, force, dt
+                )
+            if escaped(plant.judged.qvel, k):
+                gait.failure[k] = NOT_FINITE
+                break
+            learn_from_step(plant, k, dt)
+
+
+@njit(cache=True, nogil=True)
+def finish_period(t: Tables, c: Array, first: int, end: int) -> None:
+    """Judge and observe robots first..end-1."""
+    judged, gait = part_of(t.arena, Arena, "judged"), part_of(t.arena, Arena, "gait")
+    contacts, settings = part_of(t.arena, Arena, "judged_contacts"), settings_of(c)
+    calls = part_of(t.arena, Arena, "calls").at
+    for k in range(first, end):
+        gait_machine.check_failure(judged, gait, k, settings)
+        if gait.failure[k] != NOT_FINITE:
+            impulse, velocity = vector_in(contacts.impulse, k, 0), vector_in(contacts.velocity, k, 0)
+            felt = Felt(impulse, contacts.time[k], velocity)
+            observe_robot(t, k, settings)
+            finish_robot(calls[FINISH], t, c, k, felt)
+
+
+@njit(cache=True, nogil=True)
+def whole_period(
+    t: Tables,
+    c: Array,
+    gaits: Array,
+    actions: Array,
+    count: int,
+    share: float,
+    dt: float,
+    first: int,
+    end: int,
+) -> None:
+    """A planning period of robots first..end-1."""
+    begin_period(t, c, gaits, actions, first, end)
+    make_steps(t, c, count, share, dt, first, end)
+    finish_period(t, c, first, end)
 
 
 @cache
@@ -288,7 +324,9 @@ def sensing_step(estimator: Estimator) -> Callable[..., None]:
     Estimate = type(estimator.make(0))
 
     @njit(cache=True)
-    def advance_sensing(t, phys, errors, k, handles, dt):
+    def advance_sensing(t, k, dt):
+        phys, errors = part_of(t.arena, Arena, "physics"), part_of(t.arena, Arena, "errors")
+        handles = part_of(t.arena, Arena, "handles")
         estimate, sensors = only_part_of(t.estimate, Estimate), part_of(t.arena, Arena, "sensors")
         true, true_contacts = part_of(t.arena, Arena, "judged"), part_of(t.arena, Arena, "judged_contacts")
         true_handles, contacts = (
@@ -330,7 +368,7 @@ def place_of(number: int) -> int:
     return PUSHED_BODY[number] if number < len(PUSHED_BODY) else BODIES + number - len(PUSHED_BODY)
 
 
-@njit(cache=True, forceinline=True)
+@njit(cache=True, inline="always")
 def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -> None:
     """Write the mean push over the coming physics step into the external forces of one robot.
 
@@ -363,7 +401,7 @@ def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -
                 pushes.delivered[k, i, a] += force[a] * dt
 
 
-@njit(cache=True, forceinline=True)
+@njit(cache=True, inline="always")
 def load_plant(plant: Plant, k: int, met: int, dt: float) -> None:
     """Let pushes and the floor under robot k act in the coming physics step, whose time passes.
 
@@ -377,7 +415,7 @@ def load_plant(plant: Plant, k: int, met: int, dt: float) -> None:
         place_tiles(plant.floors, k)
 
 
-@njit(cache=True, forceinline=True)
+@njit(cache=True, inline="always")
 def learn_from_step(plant: Plant, k: int, dt: float) -> None:
     """Give robot k the mass matrix and bias that it has learned, and count what its contacts gave."""
     phys, known = plant.physics, plant.known
@@ -440,21 +478,22 @@ def accept_gait(t: Tables, c: Array, k: int, asked: Array, action: Array) -> Non
         gait_machine.lift_off(part_of(t.arena, Arena, "physics"), gait, k)
 
 
+_GAIT = first_rows(Arena)["gait"]
+
+
 @njit(cache=True)
-def no_parts(t: Tables) -> int:
-    """An actuation without parts of its own."""
-    return 0
+def control_robot(t: Tables, c: Array, walk: Ints, landing: Ints, k: int, dt: float) -> int:
+    """Whole-body control of robot k by a gait machine, rows of a table; see `gait_machine.control`."""
+    settings, gains, bounds, both = controller_of(t, c)
+    phys, gait = part_of(t.arena, Arena, "physics"), only_part_of(walk, Gait)
+    return gait_machine.control(phys, gait, k, settings, gains, bounds, both, landing, dt)
 
 
-@njit(cache=True, forceinline=True)
-def gait_torques(own: Any, plant: Plant, controller: Controller, k: int, share: float, dt: float) -> int:
+@njit(cache=True)
+def gait_torques(t: Tables, c: Array, k: int, share: float, dt: float) -> int:
     """Whole-body control of the gait that robot k holds."""
-    settings, gains, bounds, both = controller
-    landing = plant.met.landing
-    return (
-        gait_machine.control(plant.physics, plant.gait, k, settings, gains, bounds, both, landing, dt)
-        | plant.met.plan[k]
-    )
+    record, control = part_of(t.arena, Arena, "met"), part_of(t.arena, Arena, "calls").at[CONTROL]
+    return call_control(control, t, c, t.arena[_GAIT:], record.landing, k, dt) | record.plan[k]
 
 
 @njit(cache=True)
@@ -462,7 +501,7 @@ def observe_no_more(t: Tables, c: Array, k: int, felt: Felt) -> None:
     """The observation of the gait is all that is observed."""
 
 
-GAIT = Actuation(accept_gait, no_parts, gait_torques, observe_no_more)
+GAIT = Actuation(accept_gait, gait_torques, observe_no_more)
 
 
 def substeps(control_hz: float) -> int:

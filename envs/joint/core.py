@@ -27,7 +27,7 @@ from ...controllers.whole_body.limits import JOINT_TORQUE, LIMIT_NAMES
 from ..biped import period
 from ..biped.core import DEFAULT_PLANNER, BipedCore, BipedSettings
 from ..biped.limits_record import LimitsReport
-from ..biped.period import Actuation, Arena, Controller, Felt, Plant, Tables
+from ..biped.period import Actuation, Arena, Felt, Tables
 from ..biped.posture import posture
 from ..robots.compiled_robot import CompiledRobot
 from ..scenario.scenario import Scenario
@@ -116,14 +116,13 @@ def begin_residual(t: Tables, c: Array, k: int, gait: Array, action: Array) -> N
     period.accept_gait(t, c, k, gait, action)
 
 
-@njit(cache=True, forceinline=True)
-def residual_torques(
-    joints: Joints, plant: Plant, controller: Controller, k: int, share: float, dt: float
-) -> int:
+@njit(cache=True)
+def residual_torques(t: Tables, c: Array, k: int, share: float, dt: float) -> int:
     """Whole-body control of robot k, and what is added to its torques."""
-    met = period.gait_torques(0, plant, controller, k, share, dt)
-    met |= joint_control.add_residual(plant.physics, k, joints, controller.bounds)
-    joint_control.count_effort(plant.physics, k, joints, share)
+    phys, joints, controller = part_of(t.arena, Arena, "physics"), joints_of(t), period.controller_of(t, c)
+    met = period.gait_torques(t, c, k, share, dt)
+    met |= joint_control.add_residual(phys, k, joints, controller.bounds)
+    joint_control.count_effort(phys, k, joints, share)
     return met
 
 
@@ -133,7 +132,7 @@ def finish_residual(t: Tables, c: Array, k: int, felt: Felt) -> None:
     observe_joints_of(t, c, k, True)
 
 
-RESIDUAL = Actuation(begin_residual, joints_of, residual_torques, finish_residual)
+RESIDUAL = Actuation(begin_residual, residual_torques, finish_residual)
 
 
 @njit(cache=True)
@@ -144,14 +143,13 @@ def begin_targets(t: Tables, c: Array, k: int, gait: Array, action: Array) -> No
         joint_control.hold_nominal(part_of(t.arena, Arena, "gait"), k, seen, joints_of(t).gait)
 
 
-@njit(cache=True, forceinline=True)
-def target_torques(
-    joints: Joints, plant: Plant, controller: Controller, k: int, share: float, dt: float
-) -> int:
+@njit(cache=True)
+def target_torques(t: Tables, c: Array, k: int, share: float, dt: float) -> int:
     """PD control of robot k."""
-    joint_control.follow_contacts(plant.physics, plant.gait, k, controller.settings, joints)
-    met = joint_control.follow_targets(plant.physics, k, joints, controller.bounds)
-    joint_control.count_effort(plant.physics, k, joints, share)
+    phys, joints, controller = part_of(t.arena, Arena, "physics"), joints_of(t), period.controller_of(t, c)
+    joint_control.follow_contacts(phys, part_of(t.arena, Arena, "gait"), k, controller.settings, joints)
+    met = joint_control.follow_targets(phys, k, joints, controller.bounds)
+    joint_control.count_effort(phys, k, joints, share)
     return met
 
 
@@ -164,7 +162,7 @@ def finish_targets(t: Tables, c: Array, k: int, felt: Felt) -> None:
     observe_joints_of(t, c, k, False)
 
 
-TARGETS = Actuation(begin_targets, joints_of, target_torques, finish_targets)
+TARGETS = Actuation(begin_targets, target_torques, finish_targets)
 
 TORQUE = LIMIT_NAMES[JOINT_TORQUE.bit_length() - 1]  # name of the limit
 

@@ -36,7 +36,7 @@ from ...controllers.whole_body.kinematics import NU, NV, PELVIS, TRUNK, Array, P
 from ...controllers.whole_body.limits import JOINT_TORQUE, Bounds, write_torque_range
 from ...controllers.whole_body.swing import TURN
 from ..biped.env import BipedConfig, BipedEnv
-from ..biped.period import Actuation, Arena, Controller, Felt, Plant, Tables
+from ..biped.period import Actuation, Arena, Felt, Tables, controller_of
 from ..biped.posture import SUNK, leaning, posture
 from ..episode.episodes import Period
 from ..episode.recovery import SPEED_TOLERANCE
@@ -159,15 +159,13 @@ def begin_servos(t: Tables, c: Array, k: int, gait: Array, action: Array) -> Non
     joint_control.hold_nominal(held, k, seen, joints.gait)
 
 
-@njit(cache=True, forceinline=True)
-def servo_torques(
-    own: FullBodyParts, plant: Plant, controller: Controller, k: int, share: float, dt: float
-) -> int:
+@njit(cache=True)
+def servo_torques(t: Tables, c: Array, k: int, share: float, dt: float) -> int:
     """Servos of all joints of robot k."""
-    joints, drives = own
-    joint_control.follow_contacts(plant.physics, plant.gait, k, controller.settings, joints)
-    met = follow_servos(plant.physics, k, drives, controller.bounds)
-    joint_control.count_effort(plant.physics, k, joints, share)
+    (joints, drives), phys, controller = own_of(t), part_of(t.arena, Arena, "physics"), controller_of(t, c)
+    joint_control.follow_contacts(phys, part_of(t.arena, Arena, "gait"), k, controller.settings, joints)
+    met = follow_servos(phys, k, drives, controller.bounds)
+    joint_control.count_effort(phys, k, joints, share)
     return met
 
 
@@ -193,7 +191,7 @@ def finish_servos(t: Tables, c: Array, k: int, felt: Felt) -> None:
         o[ANGLES + i], o[ANGLES + joints + i] = phys.qpos[k, JOINT + i], phys.qvel[k, BASE + i]
 
 
-SERVOS = Actuation(begin_servos, own_of, servo_torques, finish_servos)
+SERVOS = Actuation(begin_servos, servo_torques, finish_servos)
 
 
 def joint_names(body: CompiledRobot) -> tuple[str | None, ...]:

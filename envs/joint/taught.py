@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...controllers import joint_control
-from ...controllers.array_table import Floats2, Ints1, part_of
+from ...controllers.array_table import Floats2, Ints1, first_rows, part_of
 from ...controllers.estimation.observe import observe
 from ...controllers.jit import njit
 from ...controllers.joint_control import Joints
@@ -26,11 +26,11 @@ from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.model.nominal_gait import NominalStart
 from ...controllers.model.observation import OBSERVATION_SIZE, WORLD_SIZE
 from ...controllers.policies.two_stage import make_policy
-from ...controllers.whole_body.gait_machine import Gait, accept, control, pass_time, resting_gait
+from ...controllers.whole_body.gait_machine import Gait, accept, pass_time, resting_gait
 from ...controllers.whole_body.kinematics import NU, NV, Array, Physics
 from ..biped.core import BipedCore
 from ..biped.env import BipedConfig
-from ..biped.period import Actuation, Arena, Controller, Felt, Plant, Tables, settings_of
+from ..biped.period import CONTROL, Actuation, Arena, Felt, Tables, call_control, controller_of, settings_of
 from ..episode.episodes import Mask, Period
 from ..scenario.scenario import Scenario
 from .core import JointCore, begin_targets, finish_targets
@@ -58,6 +58,9 @@ class TaughtParts(NamedTuple):
     joints: Joints
     walk: Gait
     teacher: Teacher
+
+
+_WALK = first_rows(TaughtParts)["walk"]
 
 
 @njit(cache=True, forceinline=True)
@@ -95,16 +98,15 @@ def begin_taught(t: Tables, c: Array, k: int, gait: Array, action: Array) -> Non
         teacher.side[k], teacher.target[k] = robot.stance[k], 0.0
 
 
-@njit(cache=True, forceinline=True)
-def taught_torques(
-    own: TaughtParts, plant: Plant, controller: Controller, k: int, share: float, dt: float
-) -> int:
+@njit(cache=True)
+def taught_torques(t: Tables, c: Array, k: int, share: float, dt: float) -> int:
     """PD control of robot k beside the planner's torques, which move it where the planner leads."""
-    (joints, walk, teacher), (settings, gains, bounds, both), phys = own, controller, plant.physics
+    (joints, walk, teacher), (settings, _, bounds, _) = taught_parts_of(t), controller_of(t, c)
+    phys, control = part_of(t.arena, Arena, "physics"), part_of(t.arena, Arena, "calls").at[CONTROL]
     bounds.grip[0] = bounds.settings.friction
-    met = control(phys, walk, k, settings, gains, bounds, both, teacher.landing, dt)
+    met = call_control(control, t, c, t.own[_WALK:], teacher.landing, k, dt)
     add_target(phys, k, joints, share, teacher.side[k], teacher.target[k])
-    joint_control.follow_contacts(phys, plant.gait, k, settings, joints)
+    joint_control.follow_contacts(phys, part_of(t.arena, Arena, "gait"), k, settings, joints)
     if teacher.leads[k] == 0:
         met = joint_control.follow_targets(phys, k, joints, bounds)
     joint_control.count_effort(phys, k, joints, share)
@@ -129,7 +131,7 @@ def finish_taught(t: Tables, c: Array, k: int, felt: Felt) -> None:
     )  # fmt: skip
 
 
-TAUGHT = Actuation(begin_taught, taught_parts_of, taught_torques, finish_taught)
+TAUGHT = Actuation(begin_taught, taught_torques, finish_taught)
 
 
 class TaughtCore(JointCore):

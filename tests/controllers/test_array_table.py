@@ -4,10 +4,19 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numba import njit
+from numba import njit, types
 from numba.core.errors import TypingError
 from push_recovery.controllers import array_table
-from push_recovery.controllers.array_table import DIMENSIONS, Floats1, Ints2, first_rows, part_of, parts_table
+from push_recovery.controllers.array_table import (
+    DIMENSIONS,
+    Floats1,
+    Ints2,
+    address_of,
+    caller_of,
+    first_rows,
+    part_of,
+    parts_table,
+)
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.period import Arena, controller_of
 from push_recovery.envs.episode.period_end import PeriodArrays
@@ -133,3 +142,25 @@ def test_a_part_whose_arrays_are_not_its_annotations_is_refused(part, name):
     """Its rows would be counted wrongly, and compiled code would read other memory."""
     with pytest.raises(TypeError, match=f"One: {name}$"):
         parts_table(Parts(part, part, Two(np.zeros(5))))
+
+
+@njit
+def half_of(a, k):
+    if k < 0:
+        raise ValueError("no entry")
+    return 0.5 * a[k]
+
+
+def test_a_kernel_is_called_by_its_address_and_its_errors_come_through():
+    kind = types.float64(types.float64[::1], types.int64)
+    call = caller_of(kind)
+    by_address = njit(lambda address, a, k: call(address, a, k))
+    address, a = address_of(half_of, kind), np.array([4.0, 6.0])
+    assert by_address(address, a, 1) == 3.0
+    with pytest.raises(ValueError, match="no entry"):
+        by_address(address, a, -1)
+
+
+def test_a_kernel_that_returns_another_type_has_no_address():
+    with pytest.raises(TypeError, match="half_of returns float64, not int64"):
+        address_of(half_of, types.int64(types.float64[::1], types.int64))

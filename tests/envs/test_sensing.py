@@ -390,7 +390,7 @@ def test_an_estimator_may_come_from_outside(monkeypatch, begin):
     np.testing.assert_array_equal(core.estimate.place[0], start)
     tables = core._tables[core.senses.of(0)][0]
     for i in range(15):  # no torques: it sinks
-        sensing_step(STILL)(tables, core.physics, core.errors, 0, core.simulations.handles, DT)
+        sensing_step(STILL)(tables, 0, DT)
         np.testing.assert_allclose(core.physics.qpos[0, :3], start + [0.001 * i, 0.0, 0.0], atol=1e-12)
     assert core.judged.qpos[0, 2] < start[2] - 5e-4
     np.testing.assert_allclose(core.physics.qpos[0, JOINT:], core.judged.qpos[0, JOINT:], atol=3e-3)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.envs.biped import laws
+from push_recovery.envs.biped.period import finish_period
 from push_recovery.envs.joint.full_body import (
     ANGLES,
     COMMAND,
@@ -134,7 +135,7 @@ def test_the_observation_is_the_state_in_the_axes_of_the_base(arms):
     turn = np.array([math.cos(0.4), 0.0, 0.0, math.sin(0.4)])  # by 0.8 rad about the vertical
     qpos[3:7], qvel[:6] = turn, (1.0, 0.0, 0.0, 0.1, 0.2, 0.3)
     core.put(0, qpos, qvel)
-    core._calls[0].finish(core._tables[0][0], core.constants, 0, 1)
+    finish_period(core._tables[0][0], core.constants, 0, 1)
     seen = arms.seen[0]
     assert seen[QUATERNION] == pytest.approx(turn)
     assert seen[RATE] == pytest.approx([0.1, 0.2, 0.3])
