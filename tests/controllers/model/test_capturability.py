@@ -1,11 +1,15 @@
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.capturability import (
+    capture_constants,
     capture_margin,
     max_recoverable_force,
     recoverable_offset,
+    transfer_margin_kernel,
 )
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
@@ -77,6 +81,33 @@ def test_a_trunk_too_fast_to_stop_costs_what_its_brake_and_its_stop_push_back():
         assert with_trunk - without == pytest.approx(total, abs=1e-4)
     resting = capture_margin(ROBOT, LIMITS, 0.0, (0.4, 0.1))
     assert capture_margin(ROBOT, LIMITS, 0.0, (0.4, 0.1), (1.0, 0.0), (6.0, 0.0)) < resting
+
+
+def test_a_late_step_can_come_at_once_and_no_sooner():
+    """Where even the narrowest step lands beyond c, the DCM must have come so far by the latest touchdown."""
+    limits = replace(LIMITS, width_min=0.3, width_max=0.35, duration_min=0.6, duration_max=0.8)
+    growth = math.exp(ROBOT.omega * 0.6)
+    assert (growth * 0.3 - 0.35) / (growth**2 - 1.0) > 0.0
+    slow = math.exp(ROBOT.omega * 0.8)
+    wide = (0.35 - 0.3 / slow) / (growth - 1.0 / slow)
+    low = [recoverable_offset(ROBOT, limits, t, foot=False, flywheel=False).low[1] for t in (0.0, 0.8, 1.0)]
+    assert low == pytest.approx([(0.3 - wide) / slow, 0.3 - wide, 0.3 - wide])
+
+
+@pytest.mark.parametrize("left", [0.0, 0.05, 0.3])
+def test_a_foot_that_still_stands_moves_the_bounds_towards_it(left):
+    """By other (1 - exp(-omega left)), on the side where it stands alone."""
+    constants, rest = capture_constants(ROBOT, LIMITS), np.zeros(2)
+    bounds, reach = recoverable_offset(ROBOT, LIMITS), 1.0 - math.exp(-ROBOT.omega * left)
+    middle = 0.5 * (bounds.low + bounds.high)
+    for other in ((0.1, 0.25), (-0.1, 0.25), (0.1, -0.25)):
+        low = bounds.low + reach * np.minimum(other, 0.0)
+        high = bounds.high + reach * np.maximum(other, 0.0)
+        for axis, end in ((0, low), (0, high), (1, low), (1, high)):
+            dcm = middle.copy()
+            dcm[axis] = end[axis]
+            found = transfer_margin_kernel(0.0, left, np.array(other), dcm, rest, rest, constants)
+            assert found == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("bad", [(math.nan, 0.1), (0.0, 0.0)])
