@@ -68,6 +68,7 @@ def main() -> None:
     """Print, for each robot and kind of floor, how many walks stay up and how many pushes are recovered."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--robots", nargs="+", default=["biped", "g1"])
+    parser.add_argument("--kinds", nargs="+", default=[""], help="those that begin so (default: all)")
     parser.add_argument("--runs", type=int, default=20, help="of each kind (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=300.0, help="of walks (default: %(default)s)")
     options = parser.parse_args()
@@ -77,7 +78,7 @@ def main() -> None:
         planner = make_policy("two-stage", episodes.robot, episodes.limits, episodes.preset)
         size = Similarity.of(episodes.robot)
         found = [(kind, one.scaled(size)) for kind, one in walks(options.runs, options.seconds)]
-        kinds = list(dict.fromkeys(kind for kind, _ in found))
+        kinds = dict.fromkeys(kind for kind, _ in found if kind.startswith(tuple(options.kinds)))
         for kind in kinds:
             unpushed = [one for own_kind, one in found if own_kind == kind]
             up = sum(one.survived for one in rollout_batch(episodes, planner, unpushed, "two-stage"))
