@@ -210,8 +210,8 @@ def test_every_setting_is_an_option():
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ("residual --like terrain", "a walk keeps its robot"),
-        ("residual --like quick shift-floor", "a walk keeps its robot"),
+        ("residual --like terrain", "walks keep their robot"),
+        ("residual --like quick shift-floor", "walks keep their robot"),
         ("joint-residual --starts reset --like disturbances", "kinds that push"),
     ],
 )
