@@ -8,7 +8,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from push_recovery.eval.score.draw import BLOCK, DRAWS
+from push_recovery.eval.score.draw import BLOCK
+from push_recovery.eval.score.kinds import DRAWS
 from push_recovery.eval.score.suites import Suite
 
 SEED = 20270115

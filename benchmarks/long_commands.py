@@ -21,7 +21,7 @@ SHORT_RECIPE = """
 from push_recovery.eval.cli import main as command_line
 def shortened(argv, run=command_line._run):  # within `main`, which turns Ctrl-C into an exit code
     from dataclasses import replace
-    from push_recovery.training.recipes import RECIPES
+    from push_recovery.training.settings import RECIPES
     RECIPES["residual"] = replace(
         RECIPES["residual"], timesteps=1024, n_envs=8, n_steps=32, walks=8, checkpoint_every=256,
         evaluate_every=512, evaluation_scenarios=8)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from push_recovery.envs.scenario.push import GaitEvent
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.rollout import default_workers
-from push_recovery.eval.score.draw import DRAWS
+from push_recovery.eval.score.kinds import DRAWS
 from push_recovery.eval.tuning.pushes import BIPED, RECOVERED, Scorer
 from push_recovery.eval.tuning.study import TuningSettings, preset_of, space_of
 

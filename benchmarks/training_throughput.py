@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from push_recovery.training.builders import completed, make_env, make_vec_env
 from push_recovery.training.ppo import PPOAlgorithm
-from push_recovery.training.recipes import get_recipe
+from push_recovery.training.settings import get_recipe
 
 UPDATES = 4  # of PPO a round; the environment alone steps as often
 

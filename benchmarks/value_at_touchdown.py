@@ -19,7 +19,7 @@ from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.recovery import nominal_dcm_kernel, started_dcm_kernel
 from push_recovery.eval.rollout import default_workers
-from push_recovery.eval.score.draw import DRAWS
+from push_recovery.eval.score.kinds import DRAWS
 from scipy.optimize import minimize
 from scipy.special import expit
 from scipy.stats import mannwhitneyu

@@ -18,8 +18,7 @@ from ..controllers.policies.residual import DEFAULT_FACTOR, default_residual_sca
 from ..controllers.validation import require_choice
 from ..eval.cli.options import Directory, Options, within
 from ..eval.output.progress import Bars, Work, about, progress_bars
-from .recipes import RECIPES, difference, file_settings, get_recipe
-from .settings import Report, TrainingSettings
+from .settings import RECIPES, Report, TrainingSettings, difference, file_settings, get_recipe
 
 
 def require_training() -> None:

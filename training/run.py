@@ -37,13 +37,12 @@ from ..eval.rollout import environments
 from ..eval.rollout.episodes import rollout_all
 from ..eval.rollout.load_policy import named_file
 from ..eval.rollout.workers import SLOTS
-from ..eval.score.draw import SuiteDistribution
+from ..eval.score.kinds import SuiteDistribution
 from . import builders
 from .algorithm import Tensors, make_algorithm
 from .from_sb3 import export_policy
 from .imitation import ImitationSettings, imitate_once
-from .recipes import command_of
-from .settings import Report, TrainingSettings
+from .settings import Report, TrainingSettings, command_of
 
 # Entropy of the scenarios of the curve: not those of any suite, nor of any training episode.
 SCENARIO_ENTROPY = 20_260_417

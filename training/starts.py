@@ -20,7 +20,8 @@ from ..envs.scenario.distribution import PushDistribution, ScenarioDistribution
 from ..envs.scenario.push import GaitEvent, Push, polar_push
 from ..envs.scenario.scenario import Scenario
 from ..envs.snapshot import RobotSnapshot
-from ..eval.score.draw import SuiteDistribution, count_of
+from ..eval.score.draw import count_of
+from ..eval.score.kinds import SuiteDistribution
 
 DIRECTIONS = 8  # bins of the angle
 WIDTH = 20.0  # of a bin of impulses, of the biped [N s]

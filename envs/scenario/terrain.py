@@ -58,6 +58,11 @@ class Terrain(JsonRecord, ABC):
     collides: ClassVar[bool] = False  # whether it is there only for robots with `ModelErrors.collisions`
 
     @property
+    def label(self) -> str:
+        """What a table calls it."""
+        return self.json_name
+
+    @property
     def tilt(self) -> tuple[float, float]:
         """Angles by which the whole floor rises forward and to the left [rad].
 
@@ -216,6 +221,11 @@ class Stairs(Terrain):
     def __post_init__(self) -> None:
         steps = require_integer("Stairs.steps", self.steps, 1, STEPS_MAX)
         self._set(steps=steps, **checked("Stairs", self, self.quantities))
+
+    @property
+    def label(self) -> str:
+        """One step or stairs, and whether they lead up or down first."""
+        return f"{'step' if self.steps == 1 else 'stairs'} {'down' if self.rise < 0.0 else 'up'}"
 
     @property
     def end(self) -> float:

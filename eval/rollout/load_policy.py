@@ -3,7 +3,7 @@
 Learned policies that come with the package lie in the folder `policies/` beside this module, as
 NAME.safetensors and NAME.json. They are no code: a new one leaves the digest of the code, and with it the
 rows of all others, as they are. How each came about stands in its JSON; its settings are those of
-`training.recipes`.
+`training.settings`.
 """
 
 import hashlib

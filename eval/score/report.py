@@ -80,11 +80,17 @@ def _parts(scenario: Scenario) -> tuple[Disturbance, ...]:
     return *scenario.pushes, *scenario.kicks, *scenario.disturbances
 
 
+def floor_of(scenario: Scenario) -> str:
+    """What the floor is made of, or that it is level."""
+    return " and ".join(part.label for part in scenario.errors.terrains) or "level"
+
+
 KINDS: dict[str, Callable[[Scenario], str]] = {  # a question about a scenario, whose answers split a suite
     "disturbance": lambda scenario: _names(part.json_name for part in _parts(scenario)),
     "body": lambda scenario: _names(push.body for push in scenario.forces if any(push.force)),
     "count": count_of,
     "command": walk_of,
+    "floor": floor_of,
 }
 
 

@@ -24,10 +24,11 @@ from ..protocols.kick import every_kick
 from ..rollout import DEFAULT_ENV
 from ..rollout.environments import code_digest, env_label, profile_on, robot_of
 from ..rollout.load_policy import shipped_digest
-from .draw import BLOCK, DRAWS, RANGES, SHIFTS, pelvis_draw
+from .draw import BLOCK, pelvis_draw
+from .kinds import DRAWS, RANGES, SHIFTS
 
 SEED, HARD_SEED, VARIED_SEED, QUICK_SEED = 20180609, 20181121, 20261122, 20261123
-STANDING_SEED, DISTURBANCES_SEED = 20261125, 20261126
+STANDING_SEED, DISTURBANCES_SEED, TERRAIN_SEED = 20261125, 20261126, 20261127
 BLOCKS = 4  # of 256 scenarios
 VERSION = "1"
 OF_ROBOT = "@"  # between the name of a suite and that of the robot that it was scaled for
@@ -158,9 +159,11 @@ def of_size(suite: Suite, robot: str, size: Similarity) -> Suite:
     return Suite(f"{suite.name}{OF_ROBOT}{robot}", suite.version, scenarios)
 
 
-def _drawn(name: str, kind: str, seed: int, blocks: int = BLOCKS, version: str = VERSION) -> Suite:
-    """256 scenarios a block of a kind of DRAWS."""
-    return Suite(name, version, DRAWS[kind].stratified(name, blocks, seed))
+def _drawn(
+    name: str, kind: str, seed: int, blocks: int = BLOCKS, version: str = VERSION, ids: str | None = None
+) -> Suite:
+    """256 scenarios a block of a kind of DRAWS; their ids begin with the suite's name, or with `ids`."""
+    return Suite(name, version, DRAWS[kind].stratified(ids or name, blocks, seed))
 
 
 def sealed_seed() -> int:
@@ -185,12 +188,20 @@ SUITES: dict[str, Callable[[], Suite]] = {
         "standing": lambda: _drawn("standing", "standing", STANDING_SEED),
         # 256 of the kinds that laboratories use, see `laboratory_scenario`
         "disturbances": lambda: _drawn("disturbances", "disturbances", DISTURBANCES_SEED, 1),
+        # 256 of pushes on robots that know the floor on which they walk, see `terrain_scenario`
+        "terrain": lambda: _drawn("terrain", "terrain", TERRAIN_SEED, 1),
+        # these, by the same ids, on robots that do not know it
+        "terrain-blind": lambda: _drawn("terrain-blind", "terrain-blind", TERRAIN_SEED, 1, ids="terrain"),
         # 1024 more, of `sealed_seed`: nobody can have looked at them while designing the code
         "varied-sealed": lambda: _drawn("varied-sealed", "varied", sealed_seed()),
         "hardware-sealed": lambda: with_profile(SUITES["varied-sealed"](), HARDWARE),
         "hard-sealed": lambda: _drawn("hard-sealed", "hard", sealed_seed()),
         "standing-sealed": lambda: _drawn("standing-sealed", "standing", sealed_seed()),
         "disturbances-sealed": lambda: _drawn("disturbances-sealed", "disturbances", sealed_seed()),
+        "terrain-sealed": lambda: _drawn("terrain-sealed", "terrain", sealed_seed()),
+        "terrain-blind-sealed": lambda: _drawn(
+            "terrain-blind-sealed", "terrain-blind", sealed_seed(), ids="terrain-sealed"
+        ),
         # `quick` until its version 2, the first 256 of `standard`, stratified too; the pendulum's still
         "quick-1": lambda: Suite("quick", VERSION, SUITES["standard"]().scenarios[:BLOCK]),
         # 256 pushes like those of `hard`, one thing changed of each

@@ -34,7 +34,8 @@ from ..rollout.environments import EnvName, env_ids, make_env, preset_digest
 from ..rollout.episodes import rollout_batch
 from ..rollout.outcome import Outcome
 from ..rollout.workers import SLOTS, open_pool
-from ..score.draw import BLOCK, DRAWS, stratified_scenario, stratified_uniforms
+from ..score.draw import BLOCK, stratified_scenario, stratified_uniforms
+from ..score.kinds import DRAWS
 from ..score.suites import OF_ROBOT, Suite, of_size
 
 TAKEN = (12, 14, 16)  # punches of a run, all under the whole ceiling

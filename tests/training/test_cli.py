@@ -14,12 +14,11 @@ from push_recovery.eval.cli.main import main, parse
 from push_recovery.eval.rollout import load_policy as names
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.eval.score.draw import SuiteDistribution
+from push_recovery.eval.score.kinds import SuiteDistribution
 from push_recovery.training import cli
 from push_recovery.training.cli import is_complete, train_recipe
-from push_recovery.training.recipes import RECIPES, difference
 from push_recovery.training.run import SILENT, load_checkpoint
-from push_recovery.training.settings import TrainingSettings
+from push_recovery.training.settings import RECIPES, TrainingSettings, difference
 
 
 @pytest.fixture
@@ -206,6 +205,22 @@ def test_every_setting_is_an_option():
     assert drawn.errors == easy.errors == ErrorRanges(friction=(0.4, 0.9))
     assert (drawn.impulse_max, easy.impulse_min, easy.impulse_max) == (90.0, 1.0, 2.0)
     assert TrainingSettings.from_json(json.loads(json.dumps(settings.to_json()))) == settings
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("residual --like terrain", "walks keep their robot"),
+        ("residual --like quick shift-floor", "walks keep their robot"),
+        ("joint-residual --starts reset --like disturbances", "kinds that push"),
+    ],
+)
+def test_kinds_that_training_cannot_draw_are_refused_in_one_line(words, told, tmp_path, capsys):
+    assert main(["train", *words.split(), "--out", str(tmp_path / "run")]) == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "run").exists()
 
 
 def test_pushes_like_those_of_suites_are_on_the_robots_of_the_run_for_its_time():

@@ -9,9 +9,8 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.eval.rollout.environments import code_digest
 from push_recovery.eval.rollout.load_policy import NAMES
-from push_recovery.training.recipes import RECIPES, command_of, difference, get_recipe
 from push_recovery.training.run import train
-from push_recovery.training.settings import TrainingSettings
+from push_recovery.training.settings import RECIPES, TrainingSettings, command_of, difference, get_recipe
 
 
 def test_every_shipped_policy_has_a_recipe_of_its_own():

@@ -13,7 +13,7 @@ from push_recovery.controllers.policies.learned import NetworkPolicy
 from push_recovery.eval.output.rows import Writer
 from push_recovery.eval.rollout import load_policy as names
 from push_recovery.eval.rollout.episodes import rollout
-from push_recovery.eval.score.draw import SuiteDistribution
+from push_recovery.eval.score.kinds import SuiteDistribution
 from push_recovery.training.run import (
     Progress,
     Run,

@@ -13,7 +13,7 @@ from push_recovery.envs.joint.env import JointResidualEpisodes
 from push_recovery.envs.scenario.distribution import PushDistribution
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.score.draw import SuiteDistribution
+from push_recovery.eval.score.kinds import SuiteDistribution
 from push_recovery.training.starts import (
     DIRECTIONS,
     EARLIEST,

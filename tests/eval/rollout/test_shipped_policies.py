@@ -11,8 +11,8 @@ from push_recovery.eval.rollout.environments import robot_of
 from push_recovery.eval.rollout.episodes import rollout_all
 from push_recovery.eval.rollout.load_policy import FOLDER, NAMES, shipped_names
 from push_recovery.eval.rollout.policy_source import acting_in
-from push_recovery.training.recipes import RECIPES, difference, file_settings
 from push_recovery.training.run import curve_scenarios
+from push_recovery.training.settings import RECIPES, difference, file_settings
 
 BIPED, G1 = "PushRecovery/Biped-v0", "PushRecovery/G1-v0"
 RESIDUALS = [name for name in shipped_names() if "residual" in name]

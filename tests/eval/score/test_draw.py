@@ -8,12 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from push_recovery.controllers.model.robot import REFERENCE, Similarity
+from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.distribution import ErrorRanges
 from push_recovery.envs.scenario.disturbances import Impactor, Payload, Platform, Slip, SteadyForce, Trip
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.score import draw
+from push_recovery.envs.scenario.terrain import Stairs
+from push_recovery.eval.rollout.episodes import rollout_batch
+from push_recovery.eval.score import draw, kinds
+from push_recovery.eval.score.report import floor_of
 from push_recovery.eval.score.suites import get_suite
 
 MOST = 1.0 - 1e-9
@@ -93,7 +98,7 @@ def test_commands_by_level_and_side(level, sides, command, name):
 
 
 def test_every_kind_is_there_as_often_as_stated():
-    scenarios = draw.DRAWS["varied"].stratified("any", 1, 5)
+    scenarios = kinds.DRAWS["varied"].stratified("any", 1, 5)
     assert [s.id for s in scenarios[:2]] == ["any-0000", "any-0001"]
     assert len(scenarios) == 256
     assert Counter(map(draw.count_of, scenarios)) == {"single": 128, "double": 64, "repeated": 64}
@@ -177,7 +182,7 @@ def test_a_scenario_like_a_suite_is_that_of_a_uniform_point(kind, suite, expecte
     """The seed of the noise comes first, then the point, then the errors."""
     point, *targets = expected
     errors = ErrorRanges(friction=(0.5, 0.9))
-    found = draw.SuiteDistribution((kind,), 2.5, errors).sample(np.random.default_rng(5), "mine")
+    found = kinds.SuiteDistribution((kind,), 2.5, errors).sample(np.random.default_rng(5), "mine")
     rng = np.random.default_rng(5)
     assert rng.integers(1) == 0  # of the one kind
     noise_seed = int(rng.integers(2**31))
@@ -187,7 +192,7 @@ def test_a_scenario_like_a_suite_is_that_of_a_uniform_point(kind, suite, expecte
 
 def test_kinds_are_drawn_equally_often_and_scaled():
     """A quick push has the frame of the heading, a hard one the world's."""
-    like = draw.SuiteDistribution(("quick", "hard", "hard"), 2.5)
+    like = kinds.SuiteDistribution(("quick", "hard", "hard"), 2.5)
     rng, again = np.random.default_rng(3), np.random.default_rng(3)
     scenarios = [like.sample(rng) for _ in range(300)]
     assert 60 <= sum(s.pushes[0].frame == "heading" for s in scenarios) <= 140
@@ -195,15 +200,15 @@ def test_kinds_are_drawn_equally_often_and_scaled():
     assert [like.scaled(size).sample(again) for _ in range(20)] == [s.scaled(size) for s in scenarios[:20]]
 
 
-@pytest.mark.parametrize("kind", draw.SHIFTS)
+@pytest.mark.parametrize("kind", kinds.SHIFTS)
 def test_nothing_else_changes(kind):
     """Command, stance, times and noise are those that the same point has in `hard`'s way of drawing."""
-    found = draw.DRAWS[kind].stratified("s", 1, 9)
+    found = kinds.DRAWS[kind].stratified("s", 1, 9)
     assert [s.id for s in found[:2]] == ["s-0000", "s-0001"]
     assert len({s.pushes + (s.errors,) for s in found}) == len(found) == 256
-    assert found == draw.DRAWS[kind].stratified("s", 1, 9)
-    assert found != draw.DRAWS[kind].stratified("s", 1, 10)
-    assert get_suite(kind).scenarios[:1] == draw.DRAWS[kind].stratified(kind, 1, draw.SHIFTS[kind].seed)[:1]
+    assert found == kinds.DRAWS[kind].stratified("s", 1, 9)
+    assert found != kinds.DRAWS[kind].stratified("s", 1, 10)
+    assert get_suite(kind).scenarios[:1] == kinds.DRAWS[kind].stratified(kind, 1, kinds.SHIFTS[kind].seed)[:1]
     for scenario in found:
         assert scenario.pushes[0].start.step == 4 or kind == "shift-repeated"
         assert scenario.settle_time == 4.0
@@ -223,7 +228,7 @@ def test_nothing_else_changes(kind):
 
 @pytest.mark.parametrize(("u", "duration"), [(0.0, 0.02), (0.5, 0.1), (MOST, 0.5)])
 def test_another_duration_has_the_same_impulse(u, duration):
-    found = draw.longer_or_shorter(BASE, [u])
+    found = kinds.longer_or_shorter(BASE, [u])
     (push,) = found.pushes
     assert push.duration == pytest.approx(duration, abs=1e-4)
     assert push.impulse == pytest.approx((60.0, -80.0, 0.0), abs=1e-3)
@@ -231,24 +236,24 @@ def test_another_duration_has_the_same_impulse(u, duration):
 
 
 def test_another_place_on_either_body():
-    (trunk,) = draw.elsewhere(BASE, [0.49, 0.0, 0.5, MOST]).pushes
+    (trunk,) = kinds.elsewhere(BASE, [0.49, 0.0, 0.5, MOST]).pushes
     assert (trunk.body, trunk.offset) == ("trunk", (-0.10, 0.0, 0.25))
     assert trunk.force == pytest.approx((360.0, -480.0, 0.0))
-    (pelvis,) = draw.elsewhere(BASE, [0.5, MOST, 0.0, 0.5]).pushes
+    (pelvis,) = kinds.elsewhere(BASE, [0.5, MOST, 0.0, 0.5]).pushes
     assert (pelvis.body, pelvis.offset, pelvis.force) == ("pelvis", (0.08, -0.10, 0.0), PUSH.force)
 
 
 def test_another_robot():
-    least = draw.another_robot(BASE, [0.0] * 9).errors
+    least = kinds.another_robot(BASE, [0.0] * 9).errors
     assert least == ModelErrors(mass=-0.15, trunk_com=(-0.03, -0.03, -0.03))
-    most = draw.another_robot(BASE, [MOST] * 9).errors
+    most = kinds.another_robot(BASE, [MOST] * 9).errors
     assert most == ModelErrors(
         mass=0.15, payload=8.0, trunk_com=(0.03, 0.03, 0.03), joint_friction=1.5, armature=0.04, delay=0.008,
         dcm_noise=0.004,
     )  # fmt: skip
-    half = draw.another_robot(BASE, [0.5] * 9).errors
+    half = kinds.another_robot(BASE, [0.5] * 9).errors
     assert half == ModelErrors(payload=4.0, joint_friction=0.75, armature=0.02, delay=0.004, dcm_noise=0.002)
-    assert draw.another_robot(BASE, [0.5] * 9).pushes == BASE.pushes
+    assert kinds.another_robot(BASE, [0.5] * 9).pushes == BASE.pushes
 
 
 def test_another_floor():
@@ -258,9 +263,9 @@ def test_another_floor():
         ([0.5, 0.0, 0.5], ModelErrors(slope_forward=-0.02)),
         ([0.9, 0.0, 0.0], ModelErrors(floor_step=0.005)),
     ):
-        assert draw.another_floor(BASE, point).errors == errors
-    kinds = [set(s.errors.names) for s in draw.DRAWS["shift-floor"].stratified("s", 1, 2)]
-    counts = [sum(bool(names & wanted) for names in kinds)
+        assert kinds.another_floor(BASE, point).errors == errors
+    names = [set(s.errors.names) for s in kinds.DRAWS["shift-floor"].stratified("s", 1, 2)]
+    counts = [sum(bool(found & wanted) for found in names)
               for wanted in ({"friction"}, {"slope_forward", "slope_left"}, {"floor_step"})]  # fmt: skip
     assert sum(counts) == 256
     assert all(abs(count - 256 / 3) <= 2 for count in counts)
@@ -268,22 +273,22 @@ def test_another_floor():
 
 def test_repeated_pushes_turn_and_alternate():
     """Step 0 stands on the left, so the first step from 4 on that stands on the right is 5."""
-    found = draw.repeated(BASE, [0.5, 0.0, 0.25]).pushes  # 2 + int(0.5 x 4) = 4, each a quarter turn further
+    found = kinds.repeated(BASE, [0.5, 0.0, 0.25]).pushes  # 2 + int(0.5 x 4) = 4, each a quarter turn further
     assert [push.start for push in found] == [
         GaitEvent(5, "right", 0.25), GaitEvent(6, "left", 0.25), GaitEvent(7, "right", 0.25),
         GaitEvent(8, "left", 0.25),
     ]  # fmt: skip
     quarter = [(330.0, -440.0), (440.0, 330.0), (-330.0, 440.0), (-440.0, -330.0)]
     assert np.array([push.force[:2] for push in found]) == pytest.approx(np.array(quarter), abs=2e-3)
-    wide = draw.repeated(BASE, [MOST, MOST, 0.0]).pushes
+    wide = kinds.repeated(BASE, [MOST, MOST, 0.0]).pushes
     assert [push.start.step_index("left") for push in wide] == [5, 8, 11, 14, 17]
     assert [push.direction for push in wide] == pytest.approx([math.atan2(-0.8, 0.6)] * 5, abs=1e-5)
-    assert len(draw.repeated(BASE, [0.0, 0.0, 0.0]).pushes) == 2
+    assert len(kinds.repeated(BASE, [0.0, 0.0, 0.0]).pushes) == 2
 
 
 def in_laboratory(kind: int, **changes: float) -> Scenario:
-    middle = draw.Laboratory(*[0.5] * len(draw.Laboratory._fields))
-    return draw.laboratory_scenario("mine", middle._replace(kind=(kind + 0.5) / 8, **changes), 7)
+    middle = kinds.Laboratory(*[0.5] * len(kinds.Laboratory._fields))
+    return kinds.laboratory_scenario("mine", middle._replace(kind=(kind + 0.5) / 8, **changes), 7)
 
 
 def test_kinds_of_laboratories_from_points():
@@ -313,8 +318,8 @@ def test_kinds_of_laboratories_from_points():
 def test_the_suite_of_disturbances_has_each_kind_as_often_at_all_strengths_and_directions():
     scenarios = get_suite("disturbances").scenarios
     parts = [scenario.disturbances[0] for scenario in scenarios]
-    kinds = Counter(part.json_name for part in parts)
-    assert kinds == dict.fromkeys(
+    counts = Counter(part.json_name for part in parts)
+    assert counts == dict.fromkeys(
         ("impactor", "weight pull", "waist pull", "steady force", "slip", "trip", "payload", "platform"), 32
     )
     assert all(len(scenario.disturbances) == 1 and not scenario.pushes for scenario in scenarios)
@@ -323,3 +328,112 @@ def test_the_suite_of_disturbances_has_each_kind_as_often_at_all_strengths_and_d
         quarters = Counter(int((psi + math.pi) / (0.5 * math.pi) - 1e-9) for psi in turned)
         assert set(quarters.values()) == {8}
     assert {scenario.stance_side for scenario in scenarios} == {"left", "right"}
+
+
+GROUND = kinds.Ground(*[0.5] * len(kinds.Ground._fields))
+
+
+def on_floor(kind: int, known: bool = True, **changes: float) -> Scenario:
+    return kinds.terrain_scenario("mine", GROUND._replace(floor=(kind + 0.5) / 8, **changes), 7, known)
+
+
+def test_floors_from_points():
+    """Half the range of everything; a slope that rises to the left, and a flight of 2 + 8 // 4 steps."""
+    assert [on_floor(i, uphill=0.25, sides=8 / 16).errors for i in range(8)] == [
+        ModelErrors(floor_known=True, **floor)
+        for floor in (
+            {},
+            {"slope_left": 0.0536},
+            {"floor_step": 0.0175},
+            {"slope_left": 0.0536, "floor_step": 0.0175},
+            {"terrain": Stairs(0.06, 1, 0.675, 0.4, 5.0)},
+            {"terrain": Stairs(-0.06, 1, 0.675, 0.4, 5.0)},
+            {"terrain": Stairs(0.06, 4, 0.675, 0.4, 5.0)},
+            {"terrain": Stairs(-0.06, 4, 0.675, 0.4, 5.0)},
+        )
+    ]
+    assert on_floor(1, height=MOST, uphill=0.0).errors.slope_forward <= math.radians(5.0)
+
+
+def test_a_push_on_terrain_comes_where_the_floor_is():
+    """At 0.3 m/s and 0.096 m a step: x = 0.675 + 0.1 + 0.5 x 0.4 x steps."""
+    (push,) = on_floor(6, sides=9 / 16, direction=0.75).pushes  # trunk, first stance right, 4 steps
+    assert (push.body, push.frame, push.offset) == ("trunk", "heading", (0.0, 0.0, 0.0))
+    assert (push.start.step, push.start.side) == (16, "right")
+    assert push.start.fraction == pytest.approx((0.775 + 0.8) / 0.096 - 16.0, abs=1e-4)
+    assert push.force == pytest.approx((0.0, 700.0, 0.0), abs=1e-3)  # the middle of 30 and 110 N s
+    soon = on_floor(4, sides=9 / 16).pushes[0].start
+    assert (soon.step, soon.fraction) == (10, pytest.approx((0.775 + 0.2) / 0.096 - 10.0, abs=1e-4))
+    assert on_floor(0, sides=2 / 16).stance_side == "left"
+
+
+@pytest.fixture(scope="module")
+def terrain():
+    return get_suite("terrain").scenarios
+
+
+def test_every_floor_comes_as_often_with_every_body_and_either_first_foot(terrain):
+    counts = Counter(floor_of(scenario) for scenario in terrain)
+    names = "level", "slope", "tiles", "slope and tiles", "step up", "step down", "stairs up", "stairs down"
+    assert counts == dict.fromkeys(names, 32)
+    sides = Counter((floor_of(s), s.pushes[0].body, s.stance_side) for s in terrain)
+    assert set(sides.values()) == {8}
+    assert {s.errors.terrain.steps for s in terrain if floor_of(s).startswith("stairs")} == {2, 3, 4, 5}
+
+
+def test_robots_walk_forward_and_are_pushed_on_the_terrain(terrain):
+    for scenario in terrain:
+        speed, (push,) = scenario.command.vx, scenario.pushes
+        assert scenario.command == Command(speed)
+        assert 0.2 <= speed <= 0.4
+        index = push.start.step_index(scenario.stance_side)
+        assert index == push.start.step >= draw.FIRST_STEP
+        place, floor = speed * kinds.STEP_TIME * (index + push.start.fraction), scenario.errors.terrain
+        low, high = kinds.TARGETS[push.body].impulse
+        assert low <= push.impulse_magnitude <= high
+        if floor is not None:
+            assert floor.start + 0.1 - 1e-4 <= place <= floor.start + 0.1 + floor.steps * floor.tread
+    quarters = Counter(int(2.0 * s.pushes[0].direction / math.pi + 2.0) for s in terrain)
+    assert set(quarters.values()) == {64}
+
+
+@pytest.mark.parametrize("end", ["", "-sealed"])
+def test_both_suites_of_terrain_differ_in_what_control_knows_alone(end):
+    known, unknown = get_suite(f"terrain{end}").scenarios, get_suite(f"terrain-blind{end}").scenarios
+    assert len(known) == (1024 if end else 256)
+    assert all(scenario.errors.floor_known for scenario in known)
+    assert unknown == tuple(replace(s, errors=replace(s.errors, floor_known=False)) for s in known)
+    assert [s.id for s in unknown] == [s.id for s in known]
+
+
+def test_a_mirrored_scenario_of_terrain_is_one_of_its_floor(terrain):
+    for scenario in terrain:
+        mirror = scenario.mirrored()
+        assert mirror.mirrored() == scenario
+        assert floor_of(mirror) == floor_of(scenario)
+        assert mirror.pushes[0].start.step_index(mirror.stance_side) == scenario.pushes[0].start.step
+
+
+def test_terrain_has_no_push_of_another_suite(terrain):
+    pushes = {scenario.pushes for scenario in terrain}
+    assert len(pushes) == 256
+    for name in ("quick", "standard", "hard", "varied", "shift-floor", "terrain-sealed"):
+        assert not pushes & {scenario.pushes for scenario in get_suite(name).scenarios}
+
+
+def test_a_slope_has_no_height_to_know_and_a_step_has():
+    """Its height over the plane on which the robot stands is zero: gravity is tilted instead."""
+    episodes = BipedEpisodes(2)
+    policy = make_policy("two-stage", episodes.robot, episodes.limits, "biped")
+
+    def moved(kind: int) -> bool:
+        both = [replace(on_floor(kind, known), duration=4.0, pushes=()) for known in (True, False)]
+        first, second = (
+            outcome.to_dict()
+            for outcome in rollout_batch(
+                episodes, policy, [replace(s, id=f"{i}") for i, s in enumerate(both)], "two-stage"
+            )
+        )
+        return first["total_reward"] != second["total_reward"]
+
+    assert [moved(kind) for kind in (0, 1, 4)] == [False, False, True]

@@ -27,6 +27,8 @@ HASHES = {
     "hardware": "cec4de3e3c0294d718f5bcded98e7bce4d58c06e51979a4a1c40589ba54cf50c",
     "standing": "6027ef5f93e141ad1b8ef673cdd5b33244a2c325f63a4f81e0b5bb5195e90bed",
     "disturbances": "eae7a295e2df2cc9367ec1f4f0863ccdb792b42680ee57f8505a3a17d9113b09",
+    "terrain": "d77c60be64adf7a0f5175cfc958cf317c3f7a7edee0c7ba6ad33870cc39050d5",
+    "terrain-blind": "faba633bef3648600a02c5bd8799d65b2fad0b1eb18f5780ba7aed08f9934ba6",
 }
 
 
@@ -278,7 +280,7 @@ def test_a_suite_follows_from_its_seed(like):
     [
         ("quick", suites.QUICK_SEED), ("standard", suites.SEED), ("hard", suites.HARD_SEED),
         ("varied", suites.VARIED_SEED), ("standing", suites.STANDING_SEED), ("shift-floor", 20261207),
-        ("disturbances", suites.DISTURBANCES_SEED),
+        ("disturbances", suites.DISTURBANCES_SEED), ("terrain", suites.TERRAIN_SEED),
     ],
 )  # fmt: skip
 def test_the_draw_is_that_of_the_named_suite(like, seed):
