@@ -56,6 +56,9 @@ from ..stage_2.standing import INPUTS, StandingPlanner, plan_standing_rows
 from ..stage_2.standing import LEAN as STATE_LEAN
 
 Floats = NDArray[np.float64]
+
+# only_part_of is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
 LONGEST_SHIFT = 0.4  # of the load before a foot lifts [s]
 LEFT = 0.01  # of what a shift can save, which is not waited for
 NEAR = 2e-3  # nor is a DCM so near to where a step begins [m]
@@ -175,9 +178,6 @@ class Stander:
         self._worker = worker
         self._robot, self._limits, self._config = robot, limits, config
         self._stage_1, self._stage_2 = stage_1, stage_2
-        self._in_place = (
-            StandingPlanner(robot, limits, config) if config.use_cop or config.use_trunk else None
-        )
         self._half_sole = cop_bounds(limits, config)
         self._constants = StayConstants(
             half_x=limits.cop_x_max, half_y=limits.cop_y_max, use_cop=float(config.use_cop),

@@ -34,6 +34,9 @@ from .problem import Constants, acceleration_interval, constants_of
 
 Floats = NDArray[np.float64]
 
+# only_part_of is an intrinsic: its arguments are those of its signature, less the typing context.
+# pyright: reportCallIssue=false
+
 # Columns of an input row; of a pair (x, y) the first one
 OTHER_FOOT = 0  # pair, its centre [m]
 TURN = 2  # of the other foot [rad]
