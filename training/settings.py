@@ -299,7 +299,7 @@ ON_G1 = replace(
         *2 * ("link:right_elbow_joint",), "link:right_shoulder_yaw_joint",
     ),
 )  # fmt: skip
-RECIPES = {  # in the order of `eval.shipped.names.NAMES`
+RECIPES = {  # in the order of `NAMES` in eval/rollout/load_policy.py
     "residual": LONG_RESIDUAL,
     **{f"residual-seed{seed}": replace(LONG_RESIDUAL, seed=seed) for seed in range(1, 5)},
     "residual-hardware": replace(

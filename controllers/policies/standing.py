@@ -114,9 +114,9 @@ class Staying(NamedTuple):
 
 
 @njit(cache=True)
-def write_no_step(row: Any, pelvis_width: float, duration_max: float) -> None:
+def write_no_step(row: Any, c: StayConstants) -> None:
     """Ask for no step in a row (ROW_SIZE,) of stage 1."""
-    row[STEP], row[STEP + 1], row[DURATION] = 0.0, pelvis_width, duration_max
+    row[STEP], row[STEP + 1], row[DURATION] = 0.0, c.pelvis_width, c.duration_max
 
 
 @njit(cache=True)
@@ -155,7 +155,7 @@ def stay_rows(batch: Any, rows: Any, step: Any, packed: Any) -> int:
             state[0, STATE_LEAN + axis] = seen[TRUNK_ANGLE.start + axis]
             state[0, STATE_LEAN + 2 + axis] = seen[TRUNK_RATE.start + axis]
         plan_standing_rows(state, result, s.stage_2)
-        write_no_step(row, c.pelvis_width, c.duration_max)
+        write_no_step(row, c)
         row[RESULT:] = result[0]
         row[COP : COP + 2] = result[0, RESULT_COP : RESULT_COP + 2]
         if c.use_trunk != 0.0:
@@ -187,7 +187,7 @@ class Stander:
         )  # fmt: skip
         self._in_place: Staying | None = None
         if config.use_cop or config.use_trunk:
-            self._stage_2_in_place = StandingPlanner(robot, limits, config)
+            self._stage_2_in_place = StandingPlanner(robot, limits, config)  # lives as long as its addresses
             self._in_place = Staying(
                 np.array(self._constants), capture_constants(robot, limits, config.use_cop, config.use_trunk),
                 self._stage_2_in_place.packed, np.empty((HULL_ROWS, HULL_COLUMNS)), np.zeros((1, INPUTS)),
@@ -230,7 +230,7 @@ class Stander:
             row[TRUNK : TRUNK + 2] = planned[TRUNK : TRUNK + 2] * [1.0, -1.0 if swapped else 1.0]
             row[STEP : STEP + 2] = planned[STEP : STEP + 2]
         else:
-            write_no_step(row, self._robot.pelvis_width, self._limits.duration_max)
+            write_no_step(row, self._constants)
         x, y = observation[SWING_POSITION][:2]
         row[COP : COP + 2] = (x + cop[0], y - cop[1]) if swapped else cop
 

@@ -94,7 +94,7 @@ class Calls(NamedTuple):
     at: Ints1  # (5,)
 
 
-BEGIN, TORQUES, FINISH, SENSE, CONTROL = range(5)
+BEGIN, TORQUES, FINISH, CONTROL, SENSE = range(5)
 
 
 class Arena(NamedTuple):
@@ -208,19 +208,20 @@ class Actuation(NamedTuple):
     begin: Callable[..., None]  # (t, c, k, gait (7,), action (7,)): hold what is asked in the period
     torques: Callable[..., int]  # (t, c, k, share, dt): write phys.ctrl; bits of limits met
     finish: Callable[..., None]  # (t, c, k, felt): what else is observed, after the robot's observation
+    control: Callable[..., int] | None = None  # `control_robot` where torques call it
 
 
 TABLES, _FLOATS = typeof(Tables(*[np.empty((0, 7), np.int64)] * 3)), types.float64[::1]
 _VECTOR, _ROBOT, _NUMBER = types.UniTuple(types.float64, 3), types.int64, types.float64
 _FELT = types.NamedTuple((_VECTOR, _NUMBER, _VECTOR), Felt)
-SIGNATURES = (  # of what lies at BEGIN, TORQUES, FINISH, SENSE and CONTROL
+SIGNATURES = (  # of what lies at BEGIN, TORQUES, FINISH, CONTROL and SENSE
     types.void(TABLES, _FLOATS, _ROBOT, _FLOATS, _FLOATS),
     types.int64(TABLES, _FLOATS, _ROBOT, _NUMBER, _NUMBER),
     types.void(TABLES, _FLOATS, _ROBOT, _FELT),
-    types.void(TABLES, _ROBOT, _NUMBER),
     types.int64(TABLES, _FLOATS, types.int64[:, :], types.int64[:], _ROBOT, _NUMBER),
+    types.void(TABLES, _ROBOT, _NUMBER),
 )
-begin_robot, find_torques, finish_robot, sense_robot, call_control = (caller_of(one) for one in SIGNATURES)
+begin_robot, find_torques, finish_robot, call_control, sense_robot = (caller_of(one) for one in SIGNATURES)
 
 
 @cache
@@ -232,7 +233,7 @@ def calls_of(actuation: Actuation, estimator: Estimator | None) -> Calls:
         estimator: of robots that act on their own sensors; None where all act on the true state.
     """
     sense = sensing_step(estimator) if estimator else None
-    kernels = zip((*actuation, sense, control_robot), SIGNATURES, strict=True)
+    kernels = zip((*actuation, sense), SIGNATURES, strict=True)
     return Calls(np.array([address_of(kernel, one) if kernel else 0 for kernel, one in kernels]))
 
 
@@ -501,7 +502,7 @@ def observe_no_more(t: Tables, c: Array, k: int, felt: Felt) -> None:
     """The observation of the gait is all that is observed."""
 
 
-GAIT = Actuation(accept_gait, gait_torques, observe_no_more)
+GAIT = Actuation(accept_gait, gait_torques, observe_no_more, control_robot)
 
 
 def substeps(control_hz: float) -> int:

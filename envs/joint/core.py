@@ -132,7 +132,7 @@ def finish_residual(t: Tables, c: Array, k: int, felt: Felt) -> None:
     observe_joints_of(t, c, k, True)
 
 
-RESIDUAL = Actuation(begin_residual, residual_torques, finish_residual)
+RESIDUAL = Actuation(begin_residual, residual_torques, finish_residual, period.control_robot)
 
 
 @njit(cache=True)

@@ -30,7 +30,17 @@ from ...controllers.whole_body.gait_machine import Gait, accept, pass_time, rest
 from ...controllers.whole_body.kinematics import NU, NV, Array, Physics
 from ..biped.core import BipedCore
 from ..biped.env import BipedConfig
-from ..biped.period import CONTROL, Actuation, Arena, Felt, Tables, call_control, controller_of, settings_of
+from ..biped.period import (
+    CONTROL,
+    Actuation,
+    Arena,
+    Felt,
+    Tables,
+    call_control,
+    control_robot,
+    controller_of,
+    settings_of,
+)
 from ..episode.episodes import Mask, Period
 from ..scenario.scenario import Scenario
 from .core import JointCore, begin_targets, finish_targets
@@ -131,7 +141,7 @@ def finish_taught(t: Tables, c: Array, k: int, felt: Felt) -> None:
     )  # fmt: skip
 
 
-TAUGHT = Actuation(begin_taught, taught_torques, finish_taught)
+TAUGHT = Actuation(begin_taught, taught_torques, finish_taught, control_robot)
 
 
 class TaughtCore(JointCore):

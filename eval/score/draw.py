@@ -106,6 +106,11 @@ def between(bounds: tuple[float, float], u: float, digits: int = 4) -> float:
     return round(low + u * (high - low), digits) + 0.0  # no -0.0
 
 
+def horizontal(magnitude: float, psi: float) -> tuple[float, float, float]:
+    """A horizontal force towards psi [rad], rounded far below what matters."""
+    return round(magnitude * math.cos(psi), 3) + 0.0, round(magnitude * math.sin(psi), 3) + 0.0, 0.0
+
+
 def uniform_force(ranges: PushDistribution) -> ForceOf:
     """Forces whose impulse is uniform in the range of a distribution, all round."""
 
@@ -126,7 +131,7 @@ def stratified_scenario(
     side = "left" if category & 4 else "right"
     psi = (2 * u[0] - 1) * math.pi
     force = force_of(u[1], psi, side)
-    vector = (round(force * math.cos(psi), 3), round(force * math.sin(psi), 3), 0.0)
+    vector = horizontal(force, psi)
     event = GaitEvent(ranges.first_step, side, round(u[2] * ranges.phase_max, 4))
     signed = 2 * u[3] - 1
     speed = abs(signed) if COMMAND_KINDS[category & 3] == "sideways" else u[3]
@@ -266,7 +271,7 @@ def _pushes(u: Point, body: Body, event: GaitEvent, stance: Side, targets: Targe
     pushes = []
     for moment, turn in _moments(u, count, event, stance):
         psi = (2.0 * turn - 1.0) * math.pi
-        vector = (round(force * math.cos(psi), 3), round(force * math.sin(psi), 3), 0.0)
+        vector = horizontal(force, psi)
         pushes.append(Push(vector, duration, moment, body, (x, y, z), "heading"))
     return tuple(pushes)
 
@@ -339,6 +344,6 @@ def standing_scenario(scenario_id: str, u: Standing, noise_seed: int) -> Scenari
     for i in range({"single": 1, "double": 2, "repeated": REPEATS}[count]):
         psi = (2.0 * (later if i else u.direction) - 1.0) * math.pi
         force = share * max_standing_force(REFERENCE, psi, duration, feet=feet)
-        vector = (round(force * math.cos(psi), 3) + 0.0, round(force * math.sin(psi), 3) + 0.0, 0.0)
+        vector = horizontal(force, psi)
         pushes.append(Push(vector, duration, round(first + i * pause, 4), body, (x, y, z), "heading"))
     return Scenario(scenario_id, tuple(pushes), AT_REST, stance, noise_seed=noise_seed, stride=stride)

@@ -44,6 +44,7 @@ from .draw import (
     Standing,
     between,
     harder,
+    horizontal,
     pelvis_draw,
     standing_scenario,
     step_side,
@@ -158,6 +159,12 @@ RISES, TILE_STEPS = (0.02, 0.1), (0.005, 0.03)  # [m]
 SLOPES = (0.02, math.floor(1e4 * STEEPEST_SLOPE) / 1e4)  # [rad]
 
 
+def rising(angle: float, uphill: float) -> ModelErrors:
+    """A floor that rises by an angle towards a direction [rad]."""
+    forward, left = round(angle * math.cos(uphill), 6), round(angle * math.sin(uphill), 6)
+    return ModelErrors(slope_forward=forward, slope_left=left)
+
+
 def level(u: Ground, steps: int) -> ModelErrors:
     """The plane."""
     return ModelErrors()
@@ -165,10 +172,7 @@ def level(u: Ground, steps: int) -> ModelErrors:
 
 def slope(u: Ground, steps: int) -> ModelErrors:
     """It rises by 1.1-5 degrees to any side."""
-    angle, uphill = between(SLOPES, u.height), TURN * u.uphill
-    return ModelErrors(
-        slope_forward=round(angle * math.cos(uphill), 6), slope_left=round(angle * math.sin(uphill), 6)
-    )
+    return rising(between(SLOPES, u.height), TURN * u.uphill)
 
 
 def tiles(u: Ground, steps: int) -> ModelErrors:
@@ -212,7 +216,7 @@ def terrain_scenario(scenario_id: str, u: Ground, noise_seed: int, floor_known: 
     phase, index = math.modf(x / (speed * STEP_TIME))
     force = between(TARGETS[body].impulse, u.impulse) / PUSHED_FOR
     psi = (2.0 * u.direction - 1.0) * math.pi
-    vector = (round(force * math.cos(psi), 3) + 0.0, round(force * math.sin(psi), 3) + 0.0, 0.0)
+    vector = horizontal(force, psi)
     event = GaitEvent(int(index), step_side(stance, int(index)), round(phase, 4))
     return Scenario(
         scenario_id,
@@ -279,10 +283,7 @@ def another_floor(scenario: Scenario, u: Coordinates) -> Scenario:
     if kind == 0:
         errors = ModelErrors(friction=between((0.3, 0.6), along))
     elif kind == 1:
-        slope = between((0.02, 0.07), along, 6)  # 1-4 degrees
-        errors = ModelErrors(
-            slope_forward=round(slope * math.cos(turn), 6), slope_left=round(slope * math.sin(turn), 6)
-        )
+        errors = rising(between((0.02, 0.07), along, 6), turn)  # 1-4 degrees
     else:
         errors = ModelErrors(floor_step=between((0.005, 0.02), along))
     return replace(scenario, errors=errors)
@@ -298,7 +299,7 @@ def repeated(scenario: Scenario, u: Coordinates) -> Scenario:
     first, pushes = event.step_index(scenario.stance_side), []
     for i in range(count):
         index, psi = first + i * gap, push.direction + i * turn
-        force = (round(magnitude * math.cos(psi), 3), round(magnitude * math.sin(psi), 3), 0.0)
+        force = horizontal(magnitude, psi)
         moment = GaitEvent(index, step_side(scenario.stance_side, index), event.fraction)
         pushes.append(Push(force, push.duration, moment))
     return replace(scenario, pushes=tuple(pushes))
