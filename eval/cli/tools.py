@@ -138,7 +138,6 @@ class Export(EnvOptions):
         print(f"{self.onnx}: agrees with numpy to {difference:.1e} in the action")
 
 
-EPISODE = 6.5  # [s]
 RACED = 0.5  # of the pushes that a trial runs on average, as the worse ones end early
 PushesToTuneOn = Literal["tuning", "tuning-varied", "tuning-punches"]
 
@@ -181,14 +180,16 @@ class Tune(EnvOptions, options.ErrorOptions, options.RunningOptions):
 
     def run(self) -> None:
         """Run the studies, print the tables or the object."""
-        from ..output.progress import Work, about, progress_bars, robot_seconds
-        from ..tuning import variants
+        from ..output.progress import Work, about, episode_seconds, progress_bars
+        from ..tuning import study, variants
 
         each = variants.check_variants(self.settings, self.policies)  # unknown names fail before the bars
-        simulated = EPISODE * (RACED * self.trials * self.scenarios + 2 * self.held_out) * len(each)
+        suites = study.suites_of(self.settings)
+        trial, held_out = (episode_seconds(self.env, one.scenarios, self.processes) for one in suites)
+        length = about(len(each) * (RACED * self.trials * trial + 2 * held_out))
         what = f"{self.trials} trials of {', '.join(each)} on {self.scenarios} pushes"
         place = self.directory or variants.place_of(self.settings, list(each))
-        work = Work(what, about(robot_seconds(self.env, simulated, self.processes)), place)
+        work = Work(what, length, place)
         bars: list[Any] = []
 
         def show(row: dict[str, Any], best: dict[str, Any], policy: str) -> None:

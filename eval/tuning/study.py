@@ -245,10 +245,10 @@ class Trials:
         key = (suite.name, number)
         if key in self.store.rows:
             row = self.store.rows[key]
-            if not np.allclose(row["point"], point, rtol=1e-9, atol=1e-9):
+            if row["settings"] != self.space.settings(row["point"]):
                 raise InvalidValueError(
-                    f"{str(self.store.path)!r} has trial {number} at another point than this search asks "
-                    "for: choose another --out, or --overwrite to start over"
+                    f"{str(self.store.path)!r} has trial {number} with other settings than those of its "
+                    "point: choose another --out, or --overwrite to start over"
                 )
             return row
         settings, paired = self.space.settings(point), best["values"] if best else ()
@@ -349,8 +349,7 @@ def tune(
             another run is writing.
     """
     space = space_of(settings)
-    suite = _suite(settings, settings.suite, settings.scenarios)
-    held_out = _suite(settings, pushes.held_out_of(settings.suite), settings.held_out)
+    suite, held_out = suites_of(settings)
     config = configuration(settings, space, (suite, held_out))
     directory = directory or default_directory(f"tune-{settings.policy}", config)
     search = Search(space, settings.seed)
@@ -373,11 +372,17 @@ def tune(
     return study
 
 
-def _suite(settings: TuningSettings, name: str, scenarios: int) -> Suite:
-    """The first scenarios of a suite, for the robot of the settings."""
+def suites_of(settings: TuningSettings) -> tuple[Suite, Suite]:
+    """What a search meets, and what is held out for its start and best, for the robot of the settings."""
+    names = settings.suite, pushes.held_out_of(settings.suite)
+    sizes = zip(names, (settings.scenarios, settings.held_out), strict=True)
     if settings.suite == pushes.PUNCHES:
-        return pushes.punched_suite(name, scenarios, biped_of(settings.env_id), settings.errors)
-    return pushes.tuning_suite(name, scenarios, settings.errors, robot_of(settings.env_id))
+        robot = biped_of(settings.env_id)
+        first, second = (pushes.punched_suite(*size, robot, settings.errors) for size in sizes)
+    else:
+        named = robot_of(settings.env_id)
+        first, second = (pushes.tuning_suite(*size, settings.errors, named) for size in sizes)
+    return first, second
 
 
 def _search(search: Search, runs: Trials, suite: Suite, trials: int, on_trial: OnTrial | None) -> list[Row]:
@@ -387,7 +392,7 @@ def _search(search: Search, runs: Trials, suite: Suite, trials: int, on_trial: O
     for number in range(1, trials + 1):
         point = search.ask()
         row = runs.run(number, point, suite, best)
-        search.tell(point, row["score"])
+        search.tell(np.array(row["point"]), row["score"])  # another machine may round proposals otherwise
         rows.append(row)
         best = best_of([best, row])
         if on_trial is not None:

@@ -252,12 +252,28 @@ def test_a_directory_of_another_study_is_refused(study):
         tune(replace(SETTINGS_STUDY, seed=4), 1, directory=study.directory)
 
 
-def test_a_trial_at_another_point_is_refused(study, tmp_path):
-    (tmp_path / "config.json").write_bytes((study.directory / "config.json").read_bytes())
-    changed = rows(study.directory)[:2]
-    changed[1]["point"][0] += 0.5
-    (tmp_path / "outcomes.jsonl").write_text("".join(json.dumps(row) + "\n" for row in changed))
-    with pytest.raises(InvalidValueError, match="has trial 1 at another point than this search asks for"):
+def stored(study, directory, settings=None):
+    """A directory of the study's first two trials, the second of which has moved by half a unit."""
+    (directory / "config.json").write_bytes((study.directory / "config.json").read_bytes())
+    moved = rows(study.directory)[:2]
+    moved[1]["point"][0] += 0.5
+    moved[1]["settings"] = settings or study.space.settings(moved[1]["point"])
+    (directory / "outcomes.jsonl").write_text("".join(json.dumps(row) + "\n" for row in moved))
+    return moved[1]["point"]
+
+
+def test_a_study_goes_on_from_points_that_another_machine_has_proposed(study, tmp_path):
+    point = stored(study, tmp_path)
+    other = tune(SETTINGS_STUDY, TRIALS, directory=tmp_path)
+    assert other.trials[1]["point"] == point
+    assert len(other.trials) == TRIALS + 1
+
+
+def test_a_trial_whose_settings_are_not_those_of_its_point_is_refused(study, tmp_path):
+    stored(study, tmp_path, study.trials[1]["settings"])
+    with pytest.raises(
+        InvalidValueError, match="has trial 1 with other settings than those of its point: choose another"
+    ):
         tune(SETTINGS_STUDY, TRIALS, directory=tmp_path)
 
 
