@@ -49,7 +49,7 @@ from ..scenario.push import SIDES
 from ..scenario.scenario import Scenario
 from ..sensing import Senses, Sensing, begin_onboard, exact_sensing, onboard_sensing
 from ..simulation import Simulations, compute_nominal
-from .floor import KnownFloor, assign_floor, lay_floor, level_floors, pattern_of
+from .floor import FootholdPlanner, KnownFloor, Stance, assign_floor, lay_floor, level_floors, pattern_of
 from .laws import assign_laws, moves, own_floor
 from .limits_record import LimitsReport, clear_record, empty_record, plan_limits, report_limits
 from .model_errors import assign_errors, check_biped_errors, no_errors
@@ -264,6 +264,7 @@ class BipedCore:
         standing = self._limits.reaching(planner.standing_reach)
         self._capture = np.array([capture_constants(self.robot, own) for own in (self._limits, standing)])
         self._boxes = step_boxes(self._limits, planner.standing_reach)
+        self._footholds = FootholdPlanner(self.robot.omega, self._limits, planner)
         self.limits_record.edges[:] = plan_limits(self.robot, self._limits, planner, settings.gait.commit)
         threads, motors = range(self._threads.threads), self.body.motors
         whole = settings.bounds._replace(cop_x_max=self._limits.cop_x_max, cop_y_max=self._limits.cop_y_max)
@@ -444,17 +445,17 @@ class BipedCore:
             stance, asked, true = gait.stance[k], gaits[k], self.true_state(k)
             landing = max(gait.plan[k, DURATION], asked[DURATION]) - gait.elapsed[k]
             committed = landing < self.settings.commit
-            length, width = (gait.plan[k] if committed else asked)[STEP : STEP + 2]
             (x, y, _), forward = sole_position(true, k, stance), true.xmat[k, FOOT_BODY[stance]]
-            yaw, aside = math.atan2(forward[3], forward[0]), side_sign(stance) * width
-            cos, sin = math.cos(yaw), math.sin(yaw)
+            yaw, sign = math.atan2(forward[3], forward[0]), side_sign(stance)
+            if not committed:
+                way, speed = self.floors.way[k], self.command.item(k, 0)
+                own = Stance(stance, gait.time.item(k), x, y, yaw, sign * asked[STEP + 1], speed)
+                self._footholds.begin_step(floor, way, own)
+                self._footholds.move_step(way, speed, self.observation[k], asked)
+            length, width = (gait.plan[k] if committed else asked)[STEP : STEP + 2]
+            cos, sin, aside = math.cos(yaw), math.sin(yaw), sign * width
             x_to, y_to = x + cos * length - sin * aside, y + sin * length + cos * aside
-            if committed:
-                height = floor.under(x_to, y_to, yaw)[1]
-            else:
-                shift, height = floor.foothold(x_to, y_to, yaw, length)
-                asked[STEP] += shift
-            gait.rise[k] = height - floor.under(x, y, yaw)[1]
+            gait.rise[k] = floor.under(x_to, y_to, yaw)[1] - floor.under(x, y, yaw)[1]
         return gaits
 
     def _kick(self) -> None:

@@ -1,18 +1,25 @@
-"""Small steps in the floor: where the tiles are, that soles stand on them, that nobody is told."""
+"""Small steps in the floor, of which nobody is told, and footholds on one that is known."""
+
+import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.settings import preset_config
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
+from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.biped.floor import BEHIND, SENDS, TAKEN, WAY_SIZE, FootholdPlanner, KnownFloor, Stance
 from push_recovery.envs.biped.model_errors import altered_model
 from push_recovery.envs.robots.biped import PLAN, biped, biped_model
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.noise import uniform
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.envs.scenario.terrain import DEPTH, TILE
+from push_recovery.envs.scenario.terrain import DEPTH, TILE, Pattern, Stairs
 from push_recovery.envs.scenario.terrain import TILES_PER_FOOT as AROUND
+from push_recovery.eval.rollout.episodes import rollout_batch
 
 POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
 PUSH = Push((60.0, 90.0, 0.0), 0.1, GaitEvent(1, "right", 0.3))
@@ -130,3 +137,98 @@ def test_friction_holds_on_tiles_and_each_robot_has_tiles_of_its_own(biped_core,
     begin(core, 0, Scenario("level"))
     assert own(core)[0] is core.simulations.model
     assert own(core)[1].geom_xpos.shape == (biped_model().ngeom, 3)
+
+
+OMEGA, CONFIG = BIPED.omega, preset_config("biped").replace(swing_acceleration=0.0)
+FOOTHOLDS = FootholdPlanner(OMEGA, BIPED_LIMITS, CONFIG)
+EDGE = KnownFloor((Stairs(0.1, 1, start=0.25, landing=3.0),), Pattern(), (0.1, 0.05))
+LAST, BEYOND = 0.095, 0.405  # clear places for soles at 0.005 m end there and begin there
+SHORT, LONG = 0.303, 0.444  # nominal time of a step, and three quarters of the way from it to the longest [s]
+
+
+def standing(x: float = 0.005, time: float = 0.0, leg: int = 0, speed: float = 0.2) -> Stance:
+    return Stance(leg, time, x, 0.0, 0.0, 0.2, speed)
+
+
+def asked_with(dcm: float, behind: float = 0.0, taken: int = -1, speed: float = 0.2):
+    """Way, the gait that asks for the DCM's own foothold, what comes of it, and the gain a (2,)."""
+    way = np.zeros(WAY_SIZE)
+    FOOTHOLDS.begin_step(EDGE, way, standing(speed=speed))
+    way[BEHIND], way[TAKEN] = behind, taken
+    obs = np.zeros(36)
+    obs[1:3] = dcm, 0.05
+    gain = obs[1:3] * math.exp(OMEGA * CONFIG.touchdown_delay)
+    offset = np.array([0.03, -0.055])
+    before = np.array([*(gain * math.exp(OMEGA * SHORT) - offset), SHORT, 0.0, 0.0, 0.0, 0.0])
+    after = before.copy()
+    FOOTHOLDS.move_step(way, speed, obs, after)
+    return way, before, after, gain
+
+
+def offset_of(gait: np.ndarray, gain: np.ndarray) -> float:
+    """DCM at touchdown, by the pendulum with this CoP, less the foothold [m]."""
+    growth = math.exp(OMEGA * (gait[2] + CONFIG.touchdown_delay))
+    return gain[0] * math.exp(OMEGA * gait[2]) - gait[3] * (growth - 1.0) - gait[0]
+
+
+def test_a_step_that_is_clear_stays_as_it_is():
+    _, before, after, _ = asked_with(0.02)
+    assert before[0] < LAST
+    np.testing.assert_allclose(after, before, atol=1e-12)
+
+
+@pytest.mark.parametrize(("dcm", "crosses"), [(0.055, False), (0.075, False), (0.1, True), (0.115, True)])
+def test_a_step_onto_an_edge_is_moved_to_where_the_dcm_gets(dcm, crosses):
+    """The same DCM offset comes of it, by more or less time and by the CoP."""
+    way, before, after, gain = asked_with(dcm)
+    assert LAST < before[0] < BEYOND
+    assert after[0] == pytest.approx(BEYOND if crosses else LAST - 0.005, abs=0.011)
+    assert (after[2] > SHORT) == crosses
+    assert abs(after[3]) < BIPED_LIMITS.cop_x_max
+    assert offset_of(after, gain) == pytest.approx(0.03)
+    assert way[TAKEN] == crosses
+
+
+def test_the_interval_taken_is_kept_where_another_one_is_hardly_better():
+    crossing = [asked_with(0.088, taken=taken)[2][0] > 0.3 for taken in (0, 1)]
+    assert crossing == [False, True]
+
+
+@pytest.mark.parametrize("behind", [0.0, 0.3])
+def test_a_robot_behind_its_command_sends_its_dcm_ahead(behind):
+    """From the offset that it gets in place the pendulum comes to the next interval in LONG seconds."""
+    way, _, after, gain = asked_with(0.02, behind)
+    assert way[SENDS] == (behind > 0.0)
+    if behind:
+        assert after[0] < LAST
+        lands, goal = 0.2 * SHORT, BEYOND - 0.005 + 0.01
+        arrives = offset_of(after, gain) * math.exp(OMEGA * LONG) - (goal - lands)
+        assert arrives == pytest.approx(0.03, abs=0.03)
+
+
+def test_how_far_a_robot_is_behind_counts_from_step_to_step_while_an_edge_is_near():
+    way = np.zeros(WAY_SIZE)
+    FOOTHOLDS.begin_step(EDGE, way, standing())
+    assert way[BEHIND] == 0.0
+    FOOTHOLDS.begin_step(EDGE, way, standing(time=0.1))  # the same step
+    FOOTHOLDS.begin_step(EDGE, way, standing(0.025, 0.5, 1))
+    assert way[BEHIND] == pytest.approx(0.2 * 0.5 - 0.02)
+    FOOTHOLDS.begin_step(EDGE, way, standing(-0.025, 1.0, 0))
+    assert way[BEHIND] == pytest.approx(0.08 + 0.1 + 0.05)
+    FOOTHOLDS.begin_step(EDGE, way, standing(1.0, 1.5, 1))  # all is clear
+    FOOTHOLDS.begin_step(EDGE, way, standing(0.025, 2.0, 0))
+    assert way[BEHIND] == 0.0
+
+
+@pytest.mark.parametrize("rise", [0.1, -0.1])
+def test_known_steps_are_climbed_at_the_commanded_speed(rise):
+    """Three steps and three back at 0.25 m/s, begun on either foot."""
+    stairs = Stairs(rise, 3, start=0.6, tread=0.35, landing=0.8)
+    errors = ModelErrors(terrain=stairs, floor_known=True)
+    walk = Scenario("a", (), Command(0.25), errors=errors, duration=(stairs.end + 0.6) / 0.25)
+    episodes = BipedEpisodes(2)
+    rows = list(
+        rollout_batch(episodes, POLICY, [walk, replace(walk, id="b", stance_side="right")], "two-stage")
+    )
+    assert all(row.recovered for row in rows)
+    np.testing.assert_allclose(episodes.core.com[:, 0], stairs.end + 0.6, atol=0.2)

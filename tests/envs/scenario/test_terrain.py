@@ -238,32 +238,24 @@ def test_whether_the_floor_is_known_is_said_by_the_scenario():
 HALF_SOLE = (0.1, 0.05)
 
 
-def test_footholds_keep_off_edges_by_the_nearest_way():
+def test_clear_places_for_a_sole_lie_in_intervals():
     """A step of 10 cm at 1 m: with a sole of 0.2 m, 5 cm clear of it, up to 0.85 and from 1.15 m on."""
     floor = KnownFloor((Stair(1.0, 0.1),), Pattern(), HALF_SOLE)
-    assert floor.foothold(0.5, 0.0, 0.0, 0.0) == (0.0, 0.0)
-    assert floor.foothold(1.5, 0.0, 0.0, 0.0) == (0.0, 0.1)
-    assert floor.foothold(0.95, 0.0, 0.0, 0.0) == (pytest.approx(-0.11), 0.0)
-    assert floor.foothold(1.05, 0.0, 0.0, 0.0) == (pytest.approx(0.1), 0.1)
-    assert floor.foothold(1.05, 0.0, math.pi, 0.0) == (pytest.approx(-0.1), 0.1)  # seen from the other side
+    for x, yaw in ((0.805, 0.0), (1.195, math.pi)):  # from both sides
+        (first, last), (beyond, farthest) = floor.intervals(x, 0.0, yaw, -0.3, 0.4)
+        assert (first, last) == (pytest.approx(-0.3), pytest.approx(0.04))
+        assert (beyond, farthest) == (pytest.approx(0.35), pytest.approx(0.4))
+    assert floor.intervals(0.3, 0.0, 0.0, -0.3, 0.4) == []  # all is clear
     assert floor.under(0.95, 0.0) == (0.0, 0.1)
-    steep = KnownFloor((Stairs(0.1, 30, 0.2, 0.2),), Pattern(), HALF_SOLE)  # its treads are too short
-    assert steep.foothold(1.0, 0.0, 0.0, 0.1) == (0.0, steep.under(1.0, 0.0)[1])
+    steep = KnownFloor((Stairs(0.1, 30, 0.2, 0.2),), Pattern(), HALF_SOLE)
+    assert steep.intervals(2.0, 0.0, 0.0, -0.3, 0.4) == []  # its treads are too short
 
 
 def test_low_edges_are_stepped_on_and_high_ones_cleared_by_more():
     low, middle = (KnownFloor((Stair(1.0, rise),), Pattern(), HALF_SOLE) for rise in (0.03, 0.06))
-    assert low.foothold(0.95, 0.0, 0.0, 0.0) == (0.0, 0.03)
-    assert middle.foothold(0.95, 0.0, 0.0, 0.0) == (pytest.approx(-0.09), 0.0)  # 0.864: 15 mm + 0.35 x 60 mm
-
-
-def test_steps_before_an_edge_share_what_has_to_be_changed():
-    """The third foothold from here, at 0.97 m, has to go back by 0.13 m: by a third of it now."""
-    floor = KnownFloor((Stair(1.0, 0.1),), Pattern(), HALF_SOLE)
-    shift, height = floor.foothold(0.57, 0.0, 0.0, 0.2)
-    assert (shift, height) == (pytest.approx(-0.13 / 3.0), 0.0)
-    assert floor.foothold(0.3, 0.0, 0.0, 0.1) == (0.0, 0.0)  # the fourth is clear: too far away to see
-    assert floor.foothold(0.84, 0.0, 0.0, 0.18) == (0.0, 0.0)  # half of 0.13 m would spoil this one
+    assert low.intervals(0.8, 0.0, 0.0, -0.3, 0.4) == []
+    (_, last), (beyond, _) = middle.intervals(0.8, 0.0, 0.0, -0.3, 0.4)
+    assert (last, beyond) == (pytest.approx(0.06), pytest.approx(0.34))  # 15 mm + 0.35 x 60 mm beside it
 
 
 def test_the_highest_of_all_parts_is_the_floor():
