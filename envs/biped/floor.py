@@ -4,10 +4,11 @@ On a known floor a sole shall stand clear of edges, so its place ahead lies in o
 (`controllers/stage_1.py`) is solved again on each, about the step that the policy asked for, u_a, T_a and the
 DCM offset b_a that follows from them,
 
-    min   alpha_1 |u - u_a|^2 + alpha_2 (tau - tau_a)^2 + alpha_3 |b - b_j|^2,    u_x in interval j,
+    min   alpha_2 (tau - tau_a)^2 + alpha_3 |b - b_j|^2,    u_x in interval j,
 
-and of their solutions the cheapest is taken, where an error of b counts only as far as the CoP cannot make up
-for it: moved by e / (exp(omega r) - 1) for the r seconds that are left, it moves the DCM at touchdown by -e.
+and of their solutions the cheapest is taken. The place u_a has no weight, since it was asked for without a
+look at the floor, and an error of b counts only as far as the CoP cannot make up for it: moved by
+e / (exp(omega r) - 1) for the r seconds that are left, it moves the DCM at touchdown by -e.
 A step takes as long as the DCM needs to get there, rather than landing where the DCM is not.
 
 Between two intervals lies more than a stride. So the robot waits before an edge, until it is behind its
@@ -249,10 +250,7 @@ class FootholdPlanner:
         problem[stage_1.STEP_NOMINAL : stage_1.STEP_NOMINAL + 2] = step
         problem[stage_1.TAU_NOMINAL], problem[stage_1.TAU_HIGH] = tau, most
         problem[stage_1.STEP_LOW + 1], problem[stage_1.STEP_HIGH + 1] = limits.width_min, limits.width_max
-        problem[stage_1.ALPHA_STEP], problem[stage_1.ALPHA_DURATION] = (
-            config.alpha_step,
-            config.alpha_duration,
-        )
+        problem[stage_1.ALPHA_STEP], problem[stage_1.ALPHA_DURATION] = 0.0, config.alpha_duration
         problem[stage_1.ALPHA_OFFSET] = config.alpha_offset
         here, sent = self._sent_ahead(way, speed, float(asked[DURATION]), float(offset[0]))
         best = True, math.inf
@@ -268,8 +266,7 @@ class FootholdPlanner:
             growth = found * math.exp(omega * (config.touchdown_delay - elapsed)) - 1.0
             moved = min(max(asked[COP] + missed[0] / growth, -limits.cop_x_max), limits.cop_x_max)
             missed[0] -= (moved - asked[COP]) * growth
-            cost = config.alpha_step * np.sum((u - step) ** 2) + config.alpha_duration * (found - tau) ** 2
-            cost += config.alpha_offset * np.sum(missed**2)
+            cost = config.alpha_duration * (found - tau) ** 2 + config.alpha_offset * np.sum(missed**2)
             if way[TAKEN] not in {-1.0, number}:
                 cost += config.alpha_offset * CHANGE**2
             if (late, cost) < best:
