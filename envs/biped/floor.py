@@ -178,13 +178,9 @@ class KnownFloor:
         clear = [self.clear(x + way * cos, y + way * sin, yaw) for way in ahead]
         if all(clear):
             return []
-        begins = [
-            way for way, now, last in zip(ahead, clear, [False, *clear], strict=False) if now and not last
-        ]
-        ends = [
-            way for way, now, then in zip(ahead, clear, [*clear[1:], False], strict=True) if now and not then
-        ]
-        return list(zip(begins, ends, strict=True))[-MOST:]
+        turns = np.flatnonzero(np.diff([False, *clear, False])).tolist()
+        pairs = zip(turns[::2], turns[1::2], strict=True)
+        return [(ahead[first], ahead[beyond - 1]) for first, beyond in pairs][-MOST:]
 
 
 class Stance(NamedTuple):
@@ -237,11 +233,8 @@ class FootholdPlanner:
             return
         omega, config, limits = self._omega, self._config, self._limits
         problem, solution = np.empty(stage_1.PROBLEM_SIZE), np.empty(stage_1.SOLUTION_SIZE)
-        step, elapsed, tau = (
-            asked[STEP : STEP + 2].copy(),
-            float(obs[ELAPSED]),
-            math.exp(omega * asked[DURATION]),
-        )
+        step, elapsed = asked[STEP : STEP + 2].copy(), float(obs[ELAPSED])
+        tau = math.exp(omega * asked[DURATION])
         gain = obs[DCM] * math.exp(omega * (config.touchdown_delay - elapsed))
         offset = gain * tau - step
         least = math.exp(omega * max(limits.duration_min, elapsed + config.duration_margin))
