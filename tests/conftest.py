@@ -11,6 +11,7 @@ from push_recovery.envs.biped.posture import posture
 from push_recovery.envs.robots.biped import biped, biped_model
 from push_recovery.envs.scenario.scenario import Scenario
 
+
 @pytest.fixture(scope="session")
 def random_state() -> Callable:
     """State (qpos, qvel) of a crouching robot, coordinates off by `spread`, rates by twice that."""
