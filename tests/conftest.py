@@ -11,6 +11,23 @@ from push_recovery.envs.biped.posture import posture
 from push_recovery.envs.robots.biped import biped, biped_model
 from push_recovery.envs.scenario.scenario import Scenario
 
+WITHOUT_BIPED = (
+    "envs/pendulum",
+    "controllers/stage_2",
+    "controllers/policies",
+    "eval/output",
+    "eval/reproduction",
+)
+BATCHES = 8  # into which pytest-xdist divides the tests for two workers, each of which begins with one
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let the second of two workers begin without a biped, whose kernels the first one compiles meanwhile."""
+    others = [item for name in WITHOUT_BIPED for item in items if item.path.parent.as_posix().endswith(name)]
+    found, first = set(others), len(items) // BATCHES
+    biped = [item for item in items if item not in found]
+    items[:] = [*biped[:first], *others, *biped[first:]]
+
 
 @pytest.fixture(scope="session")
 def random_state() -> Callable:
