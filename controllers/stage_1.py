@@ -372,7 +372,7 @@ def stopping_debt(rate, gain, acceleration, omega):  # pragma: no cover
 
 @njit(cache=True)
 def _write_problem(obs, c, low, high, nominal, row, problem):  # pragma: no cover
-    """The packed problem of one observation; returns its upper bound of tau.
+    """Write the packed problem of one observation.
 
     tau may not lie before the present: tau >= exp(omega (t + margin)), and where even T_max has passed the
     upper bound gives way.
@@ -396,7 +396,26 @@ def _write_problem(obs, c, low, high, nominal, row, problem):  # pragma: no cove
     problem[TAU_LOW], problem[TAU_HIGH] = tau_low, tau_high
     problem[ALPHA_STEP] = c.alpha_step / (reach * reach)
     problem[ALPHA_DURATION], problem[ALPHA_OFFSET] = c.alpha_duration, c.alpha_offset
-    return tau_high
+
+
+@njit(cache=True)
+def solve_in_time(obs, problem, solution, omega, reach, acceleration, double_support):  # pragma: no cover
+    """Solve a packed problem, again with the T that the swing foot needs where it needs longer.
+
+    Places are the solution's over `reach`. Returns exp(omega T) of the T that the foot needs, which may be
+    beyond the upper bound; 0 without a bound of the foot's acceleration.
+    """
+    solve_step_kernel(problem, solution)
+    most, needed = problem[TAU_HIGH], 0.0
+    for _ in range(SWING_ROUNDS if acceleration > 0.0 else 0):
+        x, y = solution[SOLVED_STEP] / reach, solution[SOLVED_STEP + 1] / reach
+        swing = time_to_place(obs, x, y, acceleration)
+        needed = math.exp(omega * (max(obs[ELAPSED], double_support) + swing))
+        if solution[SOLVED_TAU] >= min(needed, most):
+            break
+        problem[TAU_LOW] = min(needed, most)
+        solve_step_kernel(problem, solution)
+    return needed
 
 
 @njit(cache=True)
@@ -407,16 +426,8 @@ def _adapt(obs, c, low, high, nominal, row):  # pragma: no cover
     """
     reach = 1.0 - c.transfer
     problem, solution = np.empty(PROBLEM_SIZE), np.empty(SOLUTION_SIZE)
-    tau_high = _write_problem(obs, c, low, high, nominal, row, problem)
-    solve_step_kernel(problem, solution)
-    for _ in range(SWING_ROUNDS if c.swing_acceleration > 0.0 else 0):
-        x, y = solution[SOLVED_STEP] / reach, solution[SOLVED_STEP + 1] / reach
-        swing = time_to_place(obs, x, y, c.swing_acceleration)
-        needed = math.exp(c.omega * (max(obs[ELAPSED], c.double_support) + swing))
-        if solution[SOLVED_TAU] >= min(needed, tau_high):
-            break
-        problem[TAU_LOW] = min(needed, tau_high)
-        solve_step_kernel(problem, solution)
+    _write_problem(obs, c, low, high, nominal, row, problem)
+    solve_in_time(obs, problem, solution, c.omega, reach, c.swing_acceleration, c.double_support)
     row[DURATION] = max(math.log(solution[SOLVED_TAU]) / c.omega, low[DURATION])
     for axis in range(2):
         row[STEP + axis] = min(max(solution[SOLVED_STEP + axis] / reach, low[axis]), high[axis])

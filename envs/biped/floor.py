@@ -253,7 +253,9 @@ class FootholdPlanner:
             aim = np.array([sent if number == here else offset[0], offset[1]])
             problem[stage_1.OFFSET_NOMINAL : stage_1.OFFSET_NOMINAL + 2] = aim
             problem[stage_1.STEP_LOW], problem[stage_1.STEP_HIGH], problem[stage_1.TAU_LOW] = low, high, least
-            late = not self._solve(problem, solution, obs)
+            late = most < stage_1.solve_in_time(
+                obs, problem, solution, omega, 1.0, config.swing_acceleration, config.double_support
+            )
             u, found = solution[:2], solution[stage_1.SOLVED_TAU]
             missed = solution[stage_1.SOLVED_OFFSET : stage_1.SOLVED_OFFSET + 2] - aim
             growth = found * math.exp(omega * (config.touchdown_delay - elapsed)) - 1.0
@@ -288,17 +290,3 @@ class FootholdPlanner:
             return here, offset
         sent = (goal - lands + offset) * math.exp(-self._omega * self._long)
         return here, sign * max(sign * sent, sign * offset)
-
-    def _solve(self, problem: Array, solution: Array, obs: Array) -> bool:
-        """Solve stage 1, in rounds as in the planner; returns whether the swing foot gets there in time."""
-        c, most = self._config, problem[stage_1.TAU_HIGH]
-        stage_1.solve_step_kernel(problem, solution)
-        needed = 0.0
-        for _ in range(stage_1.SWING_ROUNDS if c.swing_acceleration > 0.0 else 0):
-            swing = stage_1.time_to_place(obs, solution[0], solution[1], c.swing_acceleration)
-            needed = math.exp(self._omega * (max(float(obs[ELAPSED]), c.double_support) + swing))
-            if solution[stage_1.SOLVED_TAU] >= min(needed, most):
-                break
-            problem[stage_1.TAU_LOW] = min(needed, most)
-            stage_1.solve_step_kernel(problem, solution)
-        return needed <= most
