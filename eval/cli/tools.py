@@ -139,7 +139,7 @@ class Export(EnvOptions):
 
 
 RACED = 0.5  # of the pushes that a trial runs on average, as the worse ones end early
-PushesToTuneOn = Literal["tuning", "tuning-varied", "tuning-punches"]
+PushesToTuneOn = Literal["tuning", "tuning-varied", "tuning-quick", "tuning-punches"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,8 +157,8 @@ class Tune(EnvOptions, options.ErrorOptions, options.RunningOptions):
     """Number of trials of each planner."""
     suite: Annotated[PushesToTuneOn | None, arg(help_behavior_hint="")] = None
     """Pushes of the search: tuning has single pushes at the pelvis, tuning-varied has pushes of every kind
-    under both profiles, tuning-punches has punches of the tour (docs/protocols.md) all over the robot (by
-    default tuning-varied on robots)."""
+    under both profiles, tuning-quick such pushes as strong as those of quick, tuning-punches has punches of
+    the tour (docs/protocols.md) all over the robot (by default tuning-varied on robots)."""
     scenarios: Count = field(default=256, metadata=within(8))
     """Number of scenarios of a trial that is not stopped early."""
     held_out: Count = field(default=256, metadata=within(8))

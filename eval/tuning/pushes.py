@@ -58,11 +58,12 @@ def excerpt(scenario_id: str, run_id: int, robot: CompiledRobot) -> Scenario:
     )
 
 
-TUNING, VARIED, PUNCHES = "tuning", "tuning-varied", "tuning-punches"
-VERSIONS = {TUNING: "1", VARIED: "2", PUNCHES: "1"}
+TUNING, VARIED, QUICK, PUNCHES = "tuning", "tuning-varied", "tuning-quick", "tuning-punches"
+VERSIONS = {TUNING: "1", VARIED: "2", QUICK: "1", PUNCHES: "1"}
 SEEDS = {
     TUNING: 20260401, f"{TUNING}-held-out": 20260402,
     VARIED: 20261203, f"{VARIED}-held-out": 20261204,
+    QUICK: 20261127, f"{QUICK}-held-out": 20261128,
 }  # fmt: skip
 FIRST_RUN = {PUNCHES: 3000, f"{PUNCHES}-held-out": 5000}  # of the tour, whose protocol has 0-63
 BLOCKS = 4
@@ -71,7 +72,7 @@ SHARE = (0.4, 2.0)  # of F*, whose step box is the paper's: on the biped about h
 FINE = Profile(  # what is tuned on one physics leans on it
     "fine", physics=PhysicsOptions(time_step=0.001, cone="elliptic", impratio=10.0, contact_time=0.004)
 )
-TURNS = EXACT, HARDWARE, FINE, HARDWARE  # profiles of the robots of `tuning-varied`, in turn
+TURNS = EXACT, HARDWARE, FINE, HARDWARE  # profiles of the robots of the suites of every kind, in turn
 RANGES = PushDistribution(first_step=2, settle_time=3.0)  # falls come within 2 s of the push
 
 
@@ -100,14 +101,17 @@ def _pelvis_pushes(name: str, scenarios: int) -> list[Scenario]:
     ]
 
 
-def _varied_pushes(name: str, scenarios: int) -> list[Scenario]:
-    """Drawn like `varied`, the robots of TURNS in turn."""
-    drawn = DRAWS["varied"].stratified(name, BLOCKS, SEEDS[name])[:scenarios]
+def _pushes_of_every_kind(name: str, scenarios: int) -> list[Scenario]:
+    """Drawn like `varied` or `quick`, the robots of TURNS in turn."""
+    like = name.removesuffix(held_out_of("")).removeprefix(f"{TUNING}-")
+    drawn = DRAWS[like].stratified(name, BLOCKS, SEEDS[name])[:scenarios]
     own = [replace(s, noise_seed=SEEDS[name] + 4096 * i) for i, s in enumerate(drawn)]
     return [TURNS[i % len(TURNS)].applied(s) for i, s in enumerate(own)]
 
 
-DRAWN: dict[str, Callable[[str, int], list[Scenario]]] = {TUNING: _pelvis_pushes, VARIED: _varied_pushes}
+DRAWN: dict[str, Callable[[str, int], list[Scenario]]] = {
+    TUNING: _pelvis_pushes, VARIED: _pushes_of_every_kind, QUICK: _pushes_of_every_kind,
+}  # fmt: skip
 TUNING_SUITES = (*DRAWN, PUNCHES)
 
 

@@ -20,7 +20,15 @@ from push_recovery.eval.protocols.tour import tour_scenario
 from push_recovery.eval.score.report import groups_of
 from push_recovery.eval.score.suites import get_suite
 from push_recovery.eval.tuning import pushes
-from push_recovery.eval.tuning.pushes import SEEDS, TUNING, VARIED, excerpt, punched_suite, tuning_suite
+from push_recovery.eval.tuning.pushes import (
+    QUICK,
+    SEEDS,
+    TUNING,
+    VARIED,
+    excerpt,
+    punched_suite,
+    tuning_suite,
+)
 
 needs_robots = pytest.mark.skipif(
     any(find_spec(name) is None for name in PACKAGES), reason="needs pip install 'push-recovery[robots]'"
@@ -98,7 +106,8 @@ def test_an_unknown_suite_is_refused():
 
 
 HELD_OUT = pushes.held_out_of(TUNING)
-SCORED = ("standard", "hard", "varied", "varied-sealed")
+OF_EVERY_KIND = VARIED, pushes.held_out_of(VARIED), QUICK, pushes.held_out_of(QUICK)
+SCORED = ("quick", "standard", "hard", "varied", "varied-sealed")
 SUITES = {
     **{name: get_suite(name) for name in SCORED},
     **{name: tuning_suite(name, pushes.SUITE_SIZE) for name in SEEDS},
@@ -148,14 +157,14 @@ def test_errors_spoil_every_second_robot_and_half_of_them_with_less_mass():
 
 def test_half_the_robots_are_of_the_profile_hardware_and_a_quarter_in_finer_physics_with_every_kind_of_push():
     finer = PhysicsOptions(time_step=0.001, cone="elliptic", impratio=10.0, contact_time=0.004)
-    for name in (VARIED, pushes.held_out_of(VARIED)):
+    for name in OF_EVERY_KIND:
         scenarios = SUITES[name].scenarios
         exact, fine, real = scenarios[::4], scenarios[2::4], scenarios[1::2]
         assert {s.errors for s in (*exact, *fine)} == {EXACT_MODEL}
         assert {s.physics for s in exact} == {PLAIN_PHYSICS}
         assert {s.physics for s in fine} == {finer}
         assert all(HARDWARE.applied(s) == s for s in real)
-        for part in (exact, fine, real):
+        for part in (exact, fine, real) if VARIED in name else (scenarios,):
             sizes = {group: len(ids) for group, ids in groups_of(part).items()}
             for group, share in (("single", 8), ("double", 4), ("repeated", 4), ("trunk", 8), ("turning", 4)):
                 bound = 1.1 / len(part) ** 0.5  # 0.05 of half the robots, 0.07 of a quarter: two deviations
@@ -165,9 +174,9 @@ def test_half_the_robots_are_of_the_profile_hardware_and_a_quarter_in_finer_phys
 def test_pushes_of_every_kind_are_fixed():
     """The profile may change, the pushes may not."""
     found = []
-    for name in (VARIED, pushes.held_out_of(VARIED)):
+    for name in OF_EVERY_KIND:
         drawn = [repr((s.pushes, s.command, s.noise_seed)) for s in SUITES[name].scenarios]
         for new in (", stand=False", ", law=None"):  # which commands and pushes did not have then
             drawn = [text.replace(new, "") for text in drawn]
         found.append(hashlib.sha256("\n".join(drawn).encode()).hexdigest()[:12])
-    assert found == ["cb6461f7f840", "8ffecf6c93aa"]
+    assert found == ["cb6461f7f840", "8ffecf6c93aa", "c05899a3c84e", "d1e2d9449f63"]
