@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr
 from dataclasses import MISSING, fields, is_dataclass
 from importlib import import_module
+from itertools import takewhile
 from textwrap import fill
 from types import NoneType
 from typing import Any, Literal, NoReturn, get_args, get_origin, get_type_hints
@@ -96,10 +97,12 @@ def parse(name: str, words: Sequence[str]) -> Any:
 def _parse(name: str, command: type[Any], words: Sequence[str], **default: Any) -> Any:
     import tyro
 
+    said = takewhile(lambda word: not word.startswith("-"), words)  # which tyro's usage leaves out
+    program = " ".join((PROGRAM, name, *said))
     try:
         with redirect_stderr(io.StringIO()):
             return tyro.cli(
-                command, prog=f"{PROGRAM} {name}", description=COMMANDS[name][2], args=list(words),
+                command, prog=program, description=COMMANDS[name][2], args=list(words),
                 config=(tyro.conf.FlagCreatePairsOff,), **default,
             )  # fmt: skip
     except SystemExit as leave:

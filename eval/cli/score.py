@@ -85,8 +85,8 @@ class Evaluate(SuiteOptions):
     """Score policies on a suite."""
 
     policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = TABLE_ARMS
-    """Policies to score: names (see list), policy files, or MODULE:ATTRIBUTE. passive is not among the
-    default ones, since it falls in 2 s without a push."""
+    """Policies to score: names (see list), policy files, or MODULE:ATTRIBUTE. By default the
+    planner and its variants are scored; baselines and learned policies have to be named."""
     profile: Annotated[tuple[str, ...], arg(metavar="NAME", help=PROFILES_TEXT)] = ("exact",)
 
     def __post_init__(self) -> None:

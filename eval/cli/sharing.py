@@ -32,9 +32,9 @@ class ProtocolCommand(EnvOptions, RunningOptions):
         field(default=None, metadata=within(1))
     )
     """Number of episodes of each level of kick (200 at most), or of run ids of tour, counted from 0."""
-    collisions: bool = True
-    """Let all legs, arms and the trunk collide with each other and with the floor (otherwise: feet and
-    shanks alone)."""
+    collisions: Annotated[bool, arg(help_behavior_hint="")] = True
+    """Let only feet and shanks collide (by default all legs, arms and the trunk collide with each other and
+    with the floor)."""
     stand: bool = False
     """Let robots that are at rest stand on both feet (otherwise they step in place)."""
 
@@ -43,8 +43,8 @@ class ProtocolCommand(EnvOptions, RunningOptions):
     ] = None
     """Arms of a G1 on tour: left to the policy, or, as the benchmark's harness has them, held or walking at
     random; then a policy must drive all joints (docs/contenders.md)."""
-    punches: bool = True
-    """Punch the robot on tour (otherwise it only walks)."""
+    punches: Annotated[bool, arg(help_behavior_hint="")] = True
+    """Walk the tour without punches."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -258,8 +258,8 @@ class SuiteCommand(JsonOption):
     action: Positional[Literal["new"]]
     """new: draw a suite."""
     like: Annotated[str, arg(metavar="NAME")] = "varied"
-    """Pushes that are drawn: standard, hard, quick, varied, standing, or one of the shifts
-    (docs/evaluation.md#suites)."""
+    """Pushes that are drawn: standard, hard, quick, varied, standing, disturbances, terrain, terrain-blind,
+    or one of the shifts (docs/evaluation.md#suites)."""
     seed: Count = field(metadata=within(0))
     """Seed of the draw; the same seed gives the same suite on every machine."""
     scenarios: Count = field(default=256, metadata=within(1, 65536))

@@ -23,7 +23,7 @@ from push_recovery.eval.cli.tools import Names, Tune
 from push_recovery.eval.output.rows import LOCK, Writer
 from push_recovery.eval.rollout import SUITE_NAMES
 from push_recovery.eval.rollout.environments import make_env
-from push_recovery.eval.score.suites import SUITES, Suite, get_suite
+from push_recovery.eval.score.suites import KINDS, SUITES, Suite, get_suite
 from push_recovery.eval.tuning.study import TuningSettings
 
 import push_recovery
@@ -232,6 +232,28 @@ def test_the_overview_names_every_command_and_the_version_is_that_of_the_package
     assert "usage: push-recovery evaluate" in capsys.readouterr().out
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"push-recovery {push_recovery.__version__}\n"
+
+
+@pytest.mark.parametrize(
+    "words", [("suite", "new"), ("robot", "new"), ("policy", "inspect"), ("protocol", "tour"), ("evaluate",)]
+)
+def test_a_usage_begins_as_the_command_does_that_asked_for_it(words, capsys):
+    assert main([*words, "--help"]) == 0
+    assert capsys.readouterr().out.startswith(f"usage: push-recovery {' '.join(words)} [-h]")
+
+
+def test_the_help_of_suite_names_every_kind_that_it_draws(capsys):
+    assert main(["suite", "new", "--help"]) == 0
+    told = set(re.findall(r"[\w-]+", capsys.readouterr().out))
+    assert {kind for kind in KINDS if not kind.startswith("shift-")} <= told
+
+
+def test_flags_that_switch_something_off_say_so(capsys):
+    assert main(["protocol", "--help"]) == 0
+    told = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "--no-punches Walk the tour without punches." in told
+    assert "--no-collisions Let only feet and shanks collide (by default all legs" in told
+    assert "(default: True)" not in told
 
 
 def slow_ones_after(code):
