@@ -8,7 +8,7 @@ What a preset is worth on them is found side by side in processes that last as l
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, closing
 from dataclasses import replace
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -59,6 +59,7 @@ def excerpt(scenario_id: str, run_id: int, robot: CompiledRobot) -> Scenario:
 
 
 TUNING, VARIED, QUICK, PUNCHES = "tuning", "tuning-varied", "tuning-quick", "tuning-punches"
+OF_EVERY_KIND = {VARIED: "varied", QUICK: "quick"}  # the suites that they are drawn like
 VERSIONS = {TUNING: "1", VARIED: "2", QUICK: "1", PUNCHES: "1"}
 SEEDS = {
     TUNING: 20260401, f"{TUNING}-held-out": 20260402,
@@ -72,7 +73,7 @@ SHARE = (0.4, 2.0)  # of F*, whose step box is the paper's: on the biped about h
 FINE = Profile(  # what is tuned on one physics leans on it
     "fine", physics=PhysicsOptions(time_step=0.001, cone="elliptic", impratio=10.0, contact_time=0.004)
 )
-TURNS = EXACT, HARDWARE, FINE, HARDWARE  # profiles of the robots of the suites of every kind, in turn
+TURNS = EXACT, HARDWARE, FINE, HARDWARE  # profiles of the robots of OF_EVERY_KIND, in turn
 RANGES = PushDistribution(first_step=2, settle_time=3.0)  # falls come within 2 s of the push
 
 
@@ -101,17 +102,17 @@ def _pelvis_pushes(name: str, scenarios: int) -> list[Scenario]:
     ]
 
 
-def _pushes_of_every_kind(name: str, scenarios: int) -> list[Scenario]:
-    """Drawn like `varied` or `quick`, the robots of TURNS in turn."""
-    like = name.removesuffix(held_out_of("")).removeprefix(f"{TUNING}-")
+def _pushes_like(like: str, name: str, scenarios: int) -> list[Scenario]:
+    """Drawn like a suite, the robots of TURNS in turn."""
     drawn = DRAWS[like].stratified(name, BLOCKS, SEEDS[name])[:scenarios]
     own = [replace(s, noise_seed=SEEDS[name] + 4096 * i) for i, s in enumerate(drawn)]
     return [TURNS[i % len(TURNS)].applied(s) for i, s in enumerate(own)]
 
 
 DRAWN: dict[str, Callable[[str, int], list[Scenario]]] = {
-    TUNING: _pelvis_pushes, VARIED: _pushes_of_every_kind, QUICK: _pushes_of_every_kind,
-}  # fmt: skip
+    TUNING: _pelvis_pushes,
+    **{name: partial(_pushes_like, like) for name, like in OF_EVERY_KIND.items()},
+}
 TUNING_SUITES = (*DRAWN, PUNCHES)
 
 

@@ -33,7 +33,7 @@ from ..protocols.run import biped_of
 from ..rollout.environments import code_digest, preset_digest, robot_of
 from ..score.suites import Suite
 from . import pushes
-from .pushes import BIPED, PENDULUM, QUICK, RECOVERED, TUNING, VARIED, Scorer, check_env, own_episodes
+from .pushes import BIPED, PENDULUM, RECOVERED, TUNING, VARIED, Scorer, check_env, own_episodes
 from .space import OF_TRUNK, Space, planner_dimensions, robot_dimensions, select
 
 SPACES = ("planner", "robot", "both")
@@ -95,7 +95,7 @@ class TuningSettings:
             raise InvalidValueError(
                 f"suite {self.suite!r} is that of robots; {PENDULUM} takes {TUNING!r} only"
             )
-        if self.suite in {VARIED, QUICK} and self.errors != EXACT_MODEL:
+        if self.suite in pushes.OF_EVERY_KIND and self.errors != EXACT_MODEL:
             raise InvalidValueError(
                 f"every second robot of suite {self.suite!r} has the errors of the profile hardware already, "
                 f"got {self.errors.to_dict()}: leave them out, or take suite {TUNING!r}"
