@@ -281,13 +281,29 @@ class TrainingSettings:
 
 
 RESIDUAL = TrainingSettings("residual")
-# Half as long again and a smaller value network: more pushes are recovered from, and updates cost less
-LONG_RESIDUAL = replace(RESIDUAL, timesteps=6_000_000, value_layers=(128, 128))
 # What corrects torques has to know how to turn by itself
 TURNING = replace(TRAINING_PUSHES, turn=FASTEST_TURN)
-JOINT_RESIDUAL = TrainingSettings("joint-residual", pushes=TURNING, log_std=-2.5, gamma=0.995)
+# Of every kind, which small batches don't learn (docs/notebook/training.md#larger-batches)
+EVERY_KIND = replace(
+    RESIDUAL,
+    like=("quick", "quick", "hard"),
+    pushes=TURNING,
+    critic=("push", "schedule"),
+    n_envs=256,
+    batch_size=4096,
+    target_kl=0.05,
+    timesteps=5_000_000,
+)
 # An action on joints lasts half as long: as many seconds of simulation as `residual` has
-LONG = 8_000_000
+JOINT_RESIDUAL = replace(EVERY_KIND, kind="joint-residual", log_std=-2.5, gamma=0.995, timesteps=10_000_000)
+# Begins as what was trained on the exact robot
+ON_HARDWARE: dict[str, Any] = {
+    "profile": "hardware",
+    "critic": ("push", "schedule", "sensing"),
+    "value_first": 100_000,
+    "learning_rate": 2e-4,
+    "timesteps": 3_000_000,
+}
 # Of networks that have no planner to fall back on: the easy ones, too
 ALL_PUSHES = replace(TRAINING_PUSHES, impulse_min=5.0)
 # Half on the pelvis, where `hard` has them, the others where the tour's punches bring a G1 down
@@ -300,21 +316,14 @@ ON_G1 = replace(
     ),
 )  # fmt: skip
 RECIPES = {  # in the order of `NAMES` in eval/rollout/load_policy.py
-    "residual": LONG_RESIDUAL,
-    **{f"residual-seed{seed}": replace(LONG_RESIDUAL, seed=seed) for seed in range(1, 5)},
-    "residual-hardware": replace(
-        RESIDUAL, profile="hardware", initial="residual", critic=("push", "sensing"), value_first=100_000,
-        learning_rate=2e-4, timesteps=2_000_000,
-    ),
+    "residual": EVERY_KIND,
+    "residual-hardware": replace(EVERY_KIND, initial="residual", **ON_HARDWARE),
     "scratch": TrainingSettings("scratch", pushes=ALL_PUSHES),
     # Imitation only: from nothing PPO survives more and keeps less to its command (docs/training.md)
     "joint": TrainingSettings("joint", teacher=True, reward="recovery", policy_layers=(256, 256),
                               timesteps=0),
-    "joint-residual": replace(JOINT_RESIDUAL, timesteps=LONG),
-    "joint-residual-hardware": replace(
-        JOINT_RESIDUAL, profile="hardware", initial="joint-residual", critic=("push", "sensing"),
-        value_first=100_000, learning_rate=2e-4, timesteps=2_000_000,
-    ),
+    "joint-residual": JOINT_RESIDUAL,
+    "joint-residual-hardware": replace(JOINT_RESIDUAL, initial="joint-residual", **ON_HARDWARE),
     "residual-g1": replace(RESIDUAL, env_id="PushRecovery/G1-v0", pushes=ON_G1),
 }  # fmt: skip
 

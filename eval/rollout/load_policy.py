@@ -31,10 +31,9 @@ from .contender import Contender
 from .contract import PACKAGED, Trusted, contract_name, is_contract, read_contract
 
 FOLDER = Path(__file__).parent / "policies"
-# `residual` is seed 0, named before it was trained; the other seeds show how much hangs on the seed.
 NAMES = (
-    "residual", "residual-seed1", "residual-seed2", "residual-seed3", "residual-seed4",
-    "residual-hardware", "scratch", "joint", "joint-residual", "joint-residual-hardware", "residual-g1",
+    "residual", "residual-hardware", "scratch", "joint", "joint-residual", "joint-residual-hardware",
+    "residual-g1",
 )  # fmt: skip
 
 
