@@ -14,7 +14,6 @@ from pathlib import Path
 
 from push_recovery.eval.cli.main import main as push_recovery
 from push_recovery.eval.rollout import default_workers
-from push_recovery.eval.rollout.load_policy import shipped_names
 from tables import compared
 
 from push_recovery import evaluate
@@ -32,8 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--sample", type=int, default=32, help="rows of each policy that are run again")
     parser.add_argument("--workers", type=int, default=default_workers())
     options = parser.parse_args(argv)
-    policies = [*compared(), *(name for name in shipped_names() if name.startswith("residual-seed"))]
-    found = evaluate(policies, options.suite, workers=options.workers)
+    found = evaluate(compared(), options.suite, workers=options.workers)
     words = {"--suite": options.suite, "--board": options.board, "--sample": options.sample}
     words["--workers"] = options.workers
     said = [str(word) for option in words.items() for word in option]

@@ -23,12 +23,16 @@ from ...controllers.errors import InvalidValueError, UnknownNameError
 from .description import RobotDescription
 from .model_files import model_digest
 from .robot_file import SIDES, Angles, Motor, RobotFile, Sole, read_robot_file
-from .shapes import INERT, NONE, SOLID, VISUAL, add_shapes
 from .source_model import (
     FREE,
     HINGE,
+    INERT,
     KINDS,
+    NONE,
+    SOLID,
+    VISUAL,
     SourceModel,
+    add_shapes,
     conjugate,
     move_joint,
     read_source,

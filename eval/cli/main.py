@@ -70,6 +70,8 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
                "Draw how policies learned: recovered against samples, beside planner and ceiling."),
     "export": (".tools", "Export",
                "Write a learned policy as ONNX, for runtimes that know nothing of this package."),
+    "dataset": (".tools", "DatasetCommand",
+                "Write what policies do on a suite as Minari data sets, for learners from data."),
     "train": ("...training.cli", "Train",
               "Train with PPO of Stable-Baselines3: a residual on the planner, or from scratch."),
     "policies": ("...training.cli", "Policies",

@@ -138,6 +138,38 @@ class Export(EnvOptions):
         print(f"{self.onnx}: agrees with numpy to {difference:.1e} in the action")
 
 
+@dataclass(frozen=True, kw_only=True)
+class DatasetCommand(EnvOptions, options.RobotOptions, options.JsonOption):
+    """Write what policies do on a suite as Minari data sets, one for each policy."""
+
+    policies: options.Policies = ("two-stage",)
+    suite: options.SuiteName = "quick"
+    out: options.Directory = None
+    """Minari's folder of data sets (default: that of MINARI_DATASETS_PATH, otherwise ~/.minari/datasets). A
+    data set that is there and of the same suite, policies and code is kept."""
+    workers: options.Count = field(default_factory=options.default_workers, metadata=within(1))
+    """Number of threads that share the robots; it changes no result."""
+
+    def run(self) -> None:
+        """Run, write, and print what there is."""
+        from ..output.progress import progress_bars
+        from ..output.tables import Table
+        from ..record.dataset import write_datasets
+
+        suite = options.pushes_of(self)
+        root = None if self.out is None else Path(self.out)
+        with progress_bars(self.policies, len(suite.scenarios)) as bars:
+            found = write_datasets(suite, self.env_id, self.policies, root, self.workers, bars)
+        rows = [(one.id, str(one.episodes), str(one.transitions), str(one.recovered)) for one in found]
+        columns = ("data set", "episodes", "transitions", "recovered")
+        content = {
+            "suite": suite.summary(),
+            "datasets": [{**vars(one), "path": str(one.path)} for one in found],
+        }
+        lines = [f"{one.path}: minari.load_dataset({one.id!r})" for one in found]
+        self.show(content, [Table("data sets", columns, rows)], lines)
+
+
 RACED = 0.5  # of the pushes that a trial runs on average, as the worse ones end early
 PushesToTuneOn = Literal["tuning", "tuning-varied", "tuning-quick", "tuning-punches"]
 

@@ -20,9 +20,9 @@ from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import LEG_JOINTS, BodyPlan
 from ...envs.robots.model_files import read_model
 from ...envs.robots.robot_file import Angles, Sole, make_plan
-from ...envs.robots.shapes import COLLISION_GROUPS, geom_type
 from ...envs.robots.source_model import (
     BALL,
+    COLLISION_GROUPS,
     FREE,
     HINGE,
     KINDS,
@@ -30,6 +30,7 @@ from ...envs.robots.source_model import (
     SourceModel,
     compiled,
     conjugate,
+    geom_type,
     paired_shapes,
     product,
     read_source,

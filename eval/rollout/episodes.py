@@ -243,6 +243,7 @@ class GymRobot:
         self._meter = EffortMeter(self.episodes) if isinstance(env.unwrapped, GaitEnv) else None
         self._observation: Any = None
         self._steps, self._total, self._fell = 0, 0.0, False
+        self.reward = np.zeros(1)  # of the last step
 
     def __enter__(self) -> Self:
         if self._meter is not None:
@@ -272,6 +273,7 @@ class GymRobot:
     def step(self, rows: Ints, actions: Any) -> list[int]:
         """One environment step."""
         self._observation, reward, terminated, truncated, self.info = self.env.step(actions)
+        self.reward[0] = reward
         self._total += float(reward)
         self._steps += 1
         self._fell, self.ended = bool(terminated), bool(terminated or truncated)
@@ -317,7 +319,8 @@ class Slots:
         self._hold = 1 if rule is None else rule.hold
         self._actions = np.zeros((episodes.n, episodes.action_size), np.float32)
         self._begun = np.zeros(episodes.n, np.bool_)
-        self._total = np.zeros(episodes.n)  # reward
+        self.reward = np.zeros(episodes.n)  # of the last step
+        self._total = np.zeros(episodes.n)  # since the episode began
         self._meter = EffortMeter(episodes)
         self._ends: dict[int, Ending] = {}  # by slot; without the reward of the held action
 
@@ -354,6 +357,7 @@ class Slots:
             return self._actions
 
         done = hold_action(self.episodes, live, self._hold, act, self._end, self._meter.look)
+        self.reward[rows] = done.reward[rows]
         self._total[rows] += done.reward[rows]
         return sorted(self._ends)
 

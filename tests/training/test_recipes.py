@@ -19,15 +19,18 @@ def test_every_shipped_policy_has_a_recipe_of_its_own():
     assert len(as_text) == len(RECIPES)
 
 
-def test_the_seeds_of_residual_differ_in_nothing_else():
-    seeds = [RECIPES[name] for name in RECIPES if re.fullmatch(r"residual(-seed\d)?", name)]
-    assert [settings.seed for settings in seeds] == [0, 1, 2, 3, 4]
-    assert {dataclasses.replace(settings, seed=0) for settings in seeds} == {RECIPES["residual"]}
+@pytest.mark.parametrize("name", ["residual", "joint-residual"])
+def test_a_correction_on_hardware_goes_on_from_the_exact_one_and_sees_the_sensors_errors(name):
+    exact, hardware = RECIPES[name], RECIPES[f"{name}-hardware"]
+    assert hardware.initial == name
+    assert set(hardware.critic) - set(exact.critic) == {"sensing"}
+    same = ("like", "pushes", "n_envs", "n_steps", "batch_size", "policy_layers", "inputs", "gate", "gamma")
+    assert all(getattr(hardware, setting) == getattr(exact, setting) for setting in same)
 
 
 @pytest.mark.parametrize("name", RECIPES)
 def test_a_recipe_is_of_the_kind_that_its_name_says(name):
-    assert RECIPES[name].kind == re.sub(r"-(seed\d|hardware|g1)$", "", name)
+    assert RECIPES[name].kind == re.sub(r"-(hardware|g1)$", "", name)
     assert (RECIPES[name].profile == "hardware") == name.endswith("-hardware")
     assert ("G1" in RECIPES[name].env_id) == name.endswith("-g1")
     assert command_of(RECIPES[name], "x.json") == f"push-recovery train --recipe {name}"
