@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..controllers.array_table import array_fields
 from ..controllers.errors import InvalidValueError
 from ..controllers.model.gait_box import DURATION
-from .scenario.push import GaitEvent, Side
+from .scenario.push import FloorShift, GaitEvent, Push, Side
 from .scenario.scenario import Scenario
 
 Arrays = dict[str, NDArray[Any]]  # by PART.FIELD
@@ -70,6 +70,7 @@ def take_rows(arrays: Arrays, k: int, n: int) -> Arrays:
 # Fields of the walk so far
 SAME = ("command", "stance_side", "noise_seed", "errors", "physics", "sensing", "jumps", "start")
 START, NEXT_CHANGE = "pushes.start", "schedule.next"
+SOON = 1e-6  # [s], within a physics step
 STEPS, ELAPSED, PLAN = "gait.steps", "gait.elapsed", "gait.plan"
 
 
@@ -110,6 +111,11 @@ class RobotSnapshot:
                 raise InvalidValueError(
                     f"a scenario that goes on from a snapshot must have its {name}, {then!r}, got {asked!r}"
                 )
+        if _floor_goes(scenario) != _floor_goes(self.scenario):
+            raise InvalidValueError(
+                "a scenario that goes on from a snapshot must have a floor that moves if, and only if, the "
+                "snapshot's own has"
+            )
         due = self.rows[NEXT_CHANGE].item()
         later = scenario.changes[due:]
         if scenario.changes[:due] != self.scenario.changes[:due] or (later and later[0].time <= self.time):
@@ -129,20 +135,29 @@ class RobotSnapshot:
                     f"{self.time:g} s: a scenario that goes on from it must have the same one, {push!r}"
                 )
         for i, push in enumerate(asked):
-            if i not in kept and self._is_over(push.start, scenario.stance_side):
+            if i not in kept and self._is_over(push, scenario.stance_side):
                 raise InvalidValueError(
                     f"push {i} would begin before the snapshot was taken, at {self.time:g} s in step "
                     f"{self.rows[STEPS].item()}: {push!r}"
                 )
         return kept
 
-    def _is_over(self, start: float | GaitEvent, first_side: Side) -> bool:
-        """Whether the beginning of a push has gone by."""
+    def _is_over(self, push: Push, first_side: Side) -> bool:
+        """Whether the beginning of a push has gone by.
+
+        A physics step has the floor that the one before it has left, so that no floor changes at once.
+        """
+        start, at_once = push.start, push.law is not None and push.law.moves_floor
         if not isinstance(start, GaitEvent):
-            return start < self.time
+            return start < self.time or (at_once and start < self.time + SOON)
         behind = self.rows[STEPS].item() - start.step_index(first_side)
         planned = self.rows[PLAN][DURATION].item()
         return behind > 0 or (behind == 0 and self.rows[ELAPSED].item() > start.fraction * planned)
+
+
+def _floor_goes(scenario: Scenario) -> bool:
+    """Whether the floor moves, which control is off by from reset on."""
+    return any(isinstance(push.law, FloorShift) for push in scenario.forces)
 
 
 def digest_of(*contents: bytes) -> str:

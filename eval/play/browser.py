@@ -17,6 +17,7 @@ from .scene import CAMERA, COLOURS, GROUND, LOOK_AT, SEEN, Ground, PushArrow, Ro
 from .session import (
     CLICK,
     IMPULSE_MAX,
+    KINDS,
     Session,
     answer_words,
     dragged_impulse,
@@ -30,6 +31,8 @@ TIED = "\N{NO-BREAK SPACE}"
 SMALL = '<div style="font-size:0.75em;padding:0 1em 0.5em">{}</div>'
 HOW = """<b>Drag the robot and let go</b> to push it: the thick arrow is the push.
 Drag beside it to turn the view."""
+HOW_MUCH = """The impulse says how hard: of an impactor and a payload it is the momentum, of a force or a
+weight what it gives; a waist pull goes the further. A slip takes the stance foot, a trip the next step."""
 MARK = '<span style="color:rgb{};white-space:nowrap">&#9632; {}</span>'  # colour and name of an overlay
 SPEEDS = {"real time": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1}
 VELOCITY = 0.6  # of the sliders, both ways [m/s]
@@ -52,9 +55,10 @@ class Panel:
         marks = " ".join(MARK.format(colour, name) for name, colour in COLOURS.items())
         gui.add_html(SMALL.format(marks))
         with gui.add_folder("Push"):
+            self._kind = gui.add_dropdown("kind", tuple(KINDS), hint=HOW_MUCH)
             self._size = gui.add_slider(
                 "impulse [N s]", 0.0, IMPULSE_MAX / 2, 0.5, min(impulse[0], IMPULSE_MAX / 2),
-                hint="It acts for 0.1 s as a constant force.",
+                hint="A push acts for 0.1 s as a constant force.",
             )  # fmt: skip
             self._psi = gui.add_slider(
                 "direction [deg]", -180, 180, 1, round(impulse[1]),
@@ -124,7 +128,8 @@ class Panel:
         gui.add_command(label, hotkey=key).on_trigger(lambda _: self._do(action))
 
     def _push(self) -> None:
-        self._session.push(polar_impulse(self._size.value, self._psi.value), self._body.value)
+        impulse = polar_impulse(self._size.value, self._psi.value)
+        self._session.push(impulse, self._body.value, self._kind.value)
 
     def _replay(self) -> None:
         self._session.replay()
@@ -231,7 +236,7 @@ class App:
         """The latest push while it acts and shortly after."""
         lane = self.session.first
         push = lane.scenario.pushes[-1] if lane.scenario.pushes else None
-        if push is not None and lane.time - float(push.start) <= SEEN:  # type: ignore[arg-type]
+        if push is not None and any(push.force[:2]) and 0.0 <= lane.time - lane.push_start <= SEEN:
             self.given.show_at(self._pelvis, push.impulse[:2], lane.mass)
         elif self.given.text:
             self.given.hide()

@@ -15,9 +15,11 @@ from numpy.typing import ArrayLike
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.observation import ELAPSED
-from ...controllers.validation import require_number
+from ...controllers.model.robot import GRAVITY
+from ...controllers.validation import require_choice, require_number
 from ...envs.biped.env import BipedEpisodes
-from ...envs.scenario.push import Body, Push
+from ...envs.scenario import disturbances
+from ...envs.scenario.push import Body, GaitEvent, Push
 from ...envs.scenario.scenario import Command, CommandChange, Scenario
 from ...envs.snapshot import RobotSnapshot
 from ..record.record import LIMIT, Array, Recorder, gait_episodes
@@ -74,6 +76,102 @@ def push_now(impulse: ArrayLike, time: float, body: str = "pelvis") -> Push:
     return Push((x, y, 0.0), DURATION, time, body)
 
 
+@dataclass(frozen=True)
+class ByHand:
+    """What a disturbance that is given by hand starts from."""
+
+    impulse: Array  # chosen, (2,) [N s], world axes
+    body: str
+    lane: "Lane"
+
+    @property
+    def size(self) -> float:
+        """J [N s]."""
+        return float(np.hypot(*self.impulse))
+
+    @property
+    def ahead(self) -> float:
+        """Direction of the impulse, counter-clockwise from the robot's forward [rad]."""
+        heading = self.lane.rows[-1]["heading"]
+        return math.remainder(math.atan2(self.impulse[1], self.impulse[0]) - heading, math.tau)
+
+    @property
+    def common(self) -> dict[str, Any]:
+        """Start and direction, as disturbances that laboratories use take them."""
+        return {"start": self.lane.time, "direction": self.ahead}
+
+    @property
+    def soon(self) -> float:
+        """When the floor may change [s]: a physics step has the floor that the one before it has left."""
+        return self.lane.time + self.lane.period
+
+    @property
+    def stance(self) -> int:
+        """Number of the step under way."""
+        return int(self.lane.episodes.motion().steps[0])
+
+
+def _push(hand: ByHand) -> Push:
+    return push_now(hand.impulse, hand.lane.time, hand.body)
+
+
+def _impactor(hand: ByHand) -> Push:
+    mass = 0.25 * hand.lane.mass
+    return disturbances.Impactor(mass, hand.size / mass, body=hand.body, **hand.common).forces[0]
+
+
+def _weight_pull(hand: ByHand) -> Push:
+    duration = 0.5
+    mass = hand.size / (GRAVITY * duration)
+    return disturbances.WeightPull(mass, duration=duration, body=hand.body, **hand.common).forces[0]
+
+
+def _waist_pull(hand: ByHand) -> Push:
+    return disturbances.WaistPull(
+        0.12 * hand.size / hand.lane.mass, 0.8, body=hand.body, **hand.common
+    ).forces[0]
+
+
+def _steady_force(hand: ByHand) -> Push:
+    duration, rise = 1.0, 0.2
+    force = hand.size / (duration - rise)
+    return disturbances.SteadyForce(
+        force, duration=duration, rise=rise, body=hand.body, **hand.common
+    ).forces[0]
+
+
+def _payload(hand: ByHand) -> Push:
+    height = 0.2
+    mass = hand.size / math.sqrt(2.0 * GRAVITY * height)
+    return disturbances.Payload(mass, height, hand.lane.time).forces[0]
+
+
+def _slip(hand: ByHand) -> Push:
+    side = hand.lane.scenario.side_of_step(hand.stance)
+    return disturbances.Slip(side, 0.05, hand.soon, 0.4).forces[0]
+
+
+def _trip(hand: ByHand) -> Push:
+    if hand.lane.stands:
+        raise InvalidValueError("a robot that stands does not trip: let it walk first")
+    coming = hand.stance + 1
+    event = GaitEvent(coming, hand.lane.scenario.side_of_step(coming), 0.3)
+    return disturbances.Trip(event, force=2.5 * hand.lane.mass).forces[0]
+
+
+PUSH = "push"
+KINDS: dict[str, Callable[[ByHand], Push]] = {  # given by hand, of an impulse J and the robot's mass m
+    PUSH: _push,  # J within 0.1 s
+    "impactor": _impactor,  # m / 4 at the speed of the momentum J
+    "weight pull": _weight_pull,  # whose weight gives J in 0.5 s
+    "waist pull": _waist_pull,  # over 0.12 J / m metres
+    "steady force": _steady_force,  # J within 1 s
+    "payload": _payload,  # that falls 0.2 m and has the momentum J
+    "slip": _slip,  # of the stance foot, friction 0.05 for 0.4 s
+    "trip": _trip,  # in the next step, a block that gives way beyond 2.5 N/kg
+}
+
+
 LONGEST = 1e6  # [s] of a walk; no one plays that long
 KEPT = 600  # samples of the strip charts
 NAME = "play"  # of its scenarios
@@ -87,6 +185,7 @@ class LaneState:
     snapshot: RobotSnapshot
     policy: str  # that acted
     memory: Any
+    given: tuple[str, ...]  # kinds of its pushes
 
 
 @dataclass(frozen=True)
@@ -130,6 +229,7 @@ class Lane:
         self._seen, self.info = self.env.reset(seed=scenario.noise_seed, options={"scenario": scenario})
         self._memory, self._first, self.over = None, True, False
         self.answer: Answer | None = None
+        self.given: list[str] = []  # kinds of the scenario's pushes
         begin_policy(self.policy, scenario)
         self.rows.clear()
         self.recorder()
@@ -149,10 +249,11 @@ class Lane:
             self._strategy.look()
             self._note_answer()
 
-    def push(self, push: Push) -> None:
+    def push(self, push: Push, kind: str = PUSH) -> None:
         """Push from the present time on, or later; a robot that has fallen is not pushed."""
         scenario = self.scenario
         self._go_on(replace(scenario, pushes=(*scenario.pushes, push)))
+        self.given = [*self.given[: len(scenario.pushes)], kind]
         self._strategy.begin(0)
         self._steps_before = self._steps
         self._note_answer()
@@ -165,10 +266,16 @@ class Lane:
         kept = tuple(change for change in scenario.changes if change.time < at - 0.5 * self.period)
         self._go_on(replace(scenario, changes=(*kept, CommandChange(at, command))))
 
+    @property
+    def push_start(self) -> float:
+        """When the last push of its scenario began [s]; inf where it has not, 0 where there is none."""
+        count = len(self.scenario.pushes)
+        return float(self.episodes.core.pushes.start[0, count - 1]) if count else 0.0
+
     def state(self) -> LaneState:
         """Robot and memory of now; a robot that has fallen has none."""
         self._refuse_fallen()
-        return LaneState(self.env.state_snapshot(), self.name, self._memory)
+        return LaneState(self.env.state_snapshot(), self.name, self._memory, tuple(self.given))
 
     def put(self, state: LaneState) -> None:
         """Go on where a robot of the same kind was; another policy remembers nothing of it."""
@@ -176,6 +283,7 @@ class Lane:
         same = state.policy == self.name
         self._memory = state.memory if same else None
         self._first, self.over, self.answer = not same, False, None
+        self.given = list(state.given)
         self.rows.clear()
         self.recorder()
 
@@ -230,20 +338,33 @@ RECENT = 30  # samples in which a limit counts as being met
 def status_words(lane: Lane) -> str:
     """Whether a robot walks, stands, was pushed, has recovered or fallen, and then which keys help."""
     pushes = lane.scenario.pushes
-    push = pushes[-1] if pushes else None
-    start = push.start if push is not None and isinstance(push.start, float) else 0.0  # by hand: at a time
+    push, start = pushes[-1] if pushes else None, lane.push_start
     since = lane.time - start
     if lane.over:
         after, again = (
-            ("", "") if push is None else (f" {since:.2f} s after the push", ", R to replay the last push")
+            ("", "")
+            if push is None
+            else (f" {since:.2f} s after the {lane.given[-1]}", f", R to replay the last {lane.given[-1]}")
         )
         return f"fell{after} ({reason_words(lane.info['failure_reason'])}): press N to start anew{again}"
     if push is None:
         return f"{'stands' if lane.stands else 'walks'}, {lane.time:.1f} s"
-    settled = lane.info["recovered_at"]
+    if math.isinf(start):
+        return f"{lane.given[-1]} to come in the next step"
+    words, settled = given_words(push, lane.given[-1], lane.mass), lane.info["recovered_at"]
     if settled is not None and settled >= start:
-        return f"recovered {settled - start:.2f} s after {impulse_words(push, lane.mass)}"
-    return f"pushed {since:.2f} s ago with {impulse_words(push, lane.mass)}"
+        return f"recovered {settled - start:.2f} s after {words}"
+    if lane.given[-1] == PUSH:
+        return f"pushed {since:.2f} s ago with {words}"
+    return f"{since:.2f} s after {words}"
+
+
+def given_words(push: Push, kind: str, mass: float) -> str:
+    """A push that was given, in words: its impulse, with its kind where that is another one."""
+    aside = any(push.force[:2]) and kind != "trip"
+    if kind == PUSH:
+        return impulse_words(push, mass)
+    return f"{kind} of nominally {impulse_words(push, mass)}" if aside else kind
 
 
 ANSWERS = {  # to a push, by strategy
@@ -277,6 +398,7 @@ class LastPush:
     """Start of a replay."""
 
     push: Push
+    kind: str
     before: tuple[LaneState, ...]  # of each lane, when it was given
 
 
@@ -344,20 +466,23 @@ class Session:
         """Multiply the speed, as far as it may go."""
         self.speed = min(max(self.speed * factor, SLOWEST), FASTEST)
 
-    def push(self, impulse: ArrayLike, body: Body = "pelvis") -> Push:
+    def push(self, impulse: ArrayLike, body: Body = "pelvis", kind: str = PUSH) -> Push:
         """Push every robot now with an impulse (2,) [N s], world axes; returns the first one's push.
 
         Of two robots of one kind the second is first put where the first is: the same push, the same state.
+        Of another of KINDS its disturbance is what the impulse says of its size and direction.
 
         Raises:
             InvalidValueError: the first robot has fallen, or an impossible impulse.
+            UnknownNameError: no such kind.
         """
+        require_choice("kind of disturbance", kind, tuple(KINDS))
         before = self._aligned()
-        pushes = []
-        for lane in self.lanes:
-            pushes.append(push_now(impulse, lane.time, body))
-            lane.push(pushes[-1])
-        self.last = LastPush(pushes[0], before)
+        chosen = np.asarray(impulse, np.float64)
+        pushes = [KINDS[kind](ByHand(chosen, body, lane)) for lane in self.lanes]
+        for lane, push in zip(self.lanes, pushes, strict=True):
+            lane.push(push, kind)
+        self.last = LastPush(pushes[0], kind, before)
         return pushes[0]
 
     def drive(self, vx: float, vy: float, turn: float) -> None:
@@ -420,7 +545,9 @@ class Session:
         push = self.last.push
         for lane, state in zip(self.lanes, self.last.before, strict=True):
             lane.put(state)
-            lane.push(push_now(push.impulse[:2], state.snapshot.time, push.body))
+            later = state.snapshot.time - self.last.before[0].snapshot.time  # than the first robot's
+            start = push.start if isinstance(push.start, GaitEvent) else push.start + later
+            lane.push(replace(push, start=start), self.last.kind)
         if _at_rest(self.first.command):
             self.stands = any(lane.command.stand for lane in self.lanes)
         self._owed = 0.0

@@ -13,6 +13,7 @@ from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.vector_env import GaitVectorEnv
 from push_recovery.envs.pendulum.env import PendulumEpisodes
+from push_recovery.envs.scenario.disturbances import Platform, Slip
 from push_recovery.envs.scenario.model_errors import ModelErrors, PhysicsOptions
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import HARDWARE, Command, CommandChange, Scenario
@@ -270,6 +271,31 @@ def test_a_new_command_must_come_after_the_snapshot_and_is_followed(walked):
             assert envs.core.command[0].tolist() == [0.1, 0.0, 0.2, 0.0]
             envs.step(action)
         assert envs.core.command[0].tolist() == [0.05, -0.1, 0.1, 0.0]
+
+
+def test_a_floor_that_changes_must_do_so_after_the_next_physics_step(walked):
+    """A step has the floor that the one before it has left, which was before the snapshot."""
+    _, snapshots = walked
+    snapshot, envs = snapshots[2], vector(1)
+    for wait, comes in ((0.0, False), (0.01, True)):
+        (slip,) = Slip("left", 0.05, snapshot.time + wait, 0.4).forces
+        asked = replace(SCENARIOS[2], pushes=(LATE, slip))
+        if comes:
+            envs.restore(snapshot, scenario=asked)
+        else:
+            with pytest.raises(InvalidValueError, match="push 1 would begin before the snapshot was taken"):
+                envs.restore(snapshot, scenario=asked)
+
+
+def test_a_floor_that_goes_cannot_come_later(walked):
+    _, snapshots = walked
+    platform = Platform(0.05, 0.5, 9.0)
+    with pytest.raises(InvalidValueError) as refused:
+        vector(1).restore(snapshots[2], scenario=replace(SCENARIOS[2], disturbances=(platform,)))
+    assert str(refused.value) == (
+        "a scenario that goes on from a snapshot must have a floor that moves if, and only if, the "
+        "snapshot's own has"
+    )
 
 
 def test_a_new_push_must_begin_after_the_snapshot(walked):

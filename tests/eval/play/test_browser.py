@@ -180,6 +180,27 @@ def test_a_key_pushes(played):
     assert session.first.scenario.pushes[0].impulse == pytest.approx((0.0, 12.0, 0.0))
 
 
+def test_another_kind_is_chosen_and_given(played):
+    session, page = played.session, played.page
+    session.restart()
+    for _ in range(20):
+        session.step()
+    page.locator("input[role=combobox][value=push]").click()
+    page.get_by_role("option", name="steady force", exact=True).click()
+    page.get_by_role("button", name="Push [space]").click()
+    wait(played.app, lambda: session.first.scenario.pushes, "the force")
+    assert session.first.given == ["steady force"]
+    for _ in range(110):
+        session.step()
+    delivered = session.first.episodes.core.pushes.delivered[0, 0]
+    np.testing.assert_allclose(delivered, [0.0, 12.0, 0.0], atol=1e-6)
+    played.app.frame(0.0)
+    page.get_by_text("steady force of nominally").wait_for()
+    page.locator("input[role=combobox][value='steady force']").click()
+    page.get_by_role("option", name="push", exact=True).click()
+    page.keyboard.press("Escape")
+
+
 def test_a_box_lets_the_robot_stand_and_its_answer_is_told(played):
     session, page = played.session, played.page
     session.switch("two-stage")

@@ -103,6 +103,73 @@ def test_pushes_and_commands_while_it_walks_are_a_scenario_bit_for_bit(session):
     np.testing.assert_allclose(delivered, [[12.0, 15.0, 0.0], [0.0, -8.0, 0.0]], atol=1e-9)
 
 
+@pytest.mark.parametrize("kind", play.KINDS)
+def test_every_kind_given_by_hand_is_a_scenario_bit_for_bit_and_is_given_again(session, kind):
+    session.drive(0.3, 0.0, 0.0)
+    go(session, 55)
+    assert not session.first.given
+    given = session.push([18.0, 24.0], "trunk", kind)
+    go(session, 90)
+    scenario, once = session.first.scenario, state(session.first)
+    assert (scenario.pushes, session.first.given) == ((given,), [kind])
+    found = record("two-stage", replace(scenario, duration=session.first.time), BIPED)
+    np.testing.assert_equal(session.first.rows[-1], {name: c[-1] for name, c in found.columns.items()})
+    plain = record("two-stage", replace(scenario, duration=session.first.time, pushes=()), BIPED)
+    assert abs(found["dcm_y"][-1] - plain["dcm_y"][-1]) > 1e-6  # it is felt
+    assert session.replay() == given
+    go(session, 90)
+    assert_same(once, state(session.first))
+    assert (session.first.scenario, session.first.given) == (scenario, [kind])
+
+
+@pytest.mark.parametrize(
+    ("kind", "delivered"),  # of J = 30 N s, on 60 kg
+    [("push", 30.0), ("steady force", 30.0), ("impactor", 30.0 * 1.5 / 1.25), ("payload", None)],
+)
+def test_the_impulse_of_a_kind_is_the_one_that_was_chosen(session, kind, delivered):
+    """An impactor of m / 4 with e = 0.5 would give a rigid body of mass m the impulse J (1 + e) / 1.25."""
+    go(session, 30)
+    push = session.push([18.0, 24.0], "pelvis", kind)
+    go(session, 100)
+    if delivered is None:
+        assert push.impulse == pytest.approx((0.0, 0.0, -30.0))
+        return
+    got = session.first.episodes.core.pushes.delivered[0, 0, :2]
+    assert np.hypot(*got) == pytest.approx(delivered, rel=1e-6 if kind != "impactor" else 0.5)
+    np.testing.assert_allclose(got / np.hypot(*got), [0.6, 0.8], atol=1e-9)
+
+
+def test_a_direction_is_that_of_the_world_also_on_a_robot_that_has_turned(session):
+    session.drive(0.0, 0.0, 0.6)
+    go(session, 150)
+    heading = session.first.rows[-1]["heading"]
+    assert heading > 0.4
+    session.push([0.0, 30.0], "pelvis", "steady force")
+    go(session, 110)
+    got = session.first.episodes.core.pushes.delivered[0, 0]
+    np.testing.assert_allclose(got, [0.0, 30.0, 0.0], atol=1e-6)
+
+
+def test_what_is_given_is_said_and_what_is_impossible_is_refused(session):
+    go(session, 30)
+    session.push([0.0, 10.0], "pelvis", "trip")
+    assert status_words(session.first) == "trip to come in the next step"
+    go(session, 50)
+    assert "s after trip" in status_words(session.first)
+    session.push([0.0, 6.0], "pelvis", "impactor")
+    go(session, 5)
+    assert status_words(session.first) == (
+        "0.05 s after impactor of nominally 6.0 N s (0.10 N s/kg) to the left"
+    )
+    with pytest.raises(UnknownNameError, match="kind of disturbance"):
+        session.push([0.0, 6.0], "pelvis", "kick")
+    session.restart()
+    session.stand_at_rest(True)
+    go(session, 200)
+    with pytest.raises(InvalidValueError, match=r"^a robot that stands does not trip: let it walk first$"):
+        session.push([0.0, 6.0], "pelvis", "trip")
+
+
 def test_a_replay_is_the_same_push_again_bit_for_bit(session):
     with pytest.raises(InvalidValueError, match="no push yet"):
         session.replay()
