@@ -217,6 +217,7 @@ def _dataset(
 ) -> DataSet:  # fmt: skip
     """Write one data set beside its place, and move it there once it is whole."""
     import minari
+    from minari import data_collector
 
     label = made_of["policy"]
     name = dataset_id(made_of["suite"], env, label)
@@ -238,9 +239,10 @@ def _dataset(
     kept: list[dict[str, Any]] = []
     counts = {"episodes": 0, "transitions": 0, "recovered": 0}
 
-    def episodes() -> Iterator[Any]:
-        from minari.data_collector import EpisodeBuffer
+    create: Any = minari.create_dataset_from_buffers  # which takes them one by one, too
+    buffer: Any = data_collector.EpisodeBuffer
 
+    def episodes() -> Iterator[Any]:
         for one, outcome in collect(env, policy, scenarios, label, threads):
             ends = [False] * (len(one.rewards) - 1)
             counts["episodes"] += 1
@@ -248,7 +250,7 @@ def _dataset(
             counts["recovered"] += outcome.recovered
             kept.append({key: getattr(outcome, key) for key in KEPT})
             bars.set(label, counts["episodes"])
-            yield EpisodeBuffer(
+            yield buffer(
                 id=counts["episodes"] - 1, seed=one.scenario.noise_seed,
                 options={"scenario": one.scenario.to_json()},
                 observations=np.array(one.observations), actions=np.array(one.actions), rewards=one.rewards,
@@ -262,7 +264,7 @@ def _dataset(
         warnings.catch_warnings(),
     ):
         warnings.simplefilter("ignore", UserWarning)  # of Minari: there is no author to name
-        written = minari.create_dataset_from_buffers(
+        written = create(
             name, episodes(), env=env.spec, algorithm_name=label, action_space=env.action_space,
             observation_space=env.observation_space, data_format="hdf5", requirements=["push-recovery"],
             description=f"{made_of['policy']} on the pushes of {made_of['suite']}; see docs/offline.md",

@@ -10,9 +10,9 @@ ANALYTIC_ARMS = tuple(ARMS)
 TABLE_ARMS = tuple(name for name in ARMS if name not in ON_REQUEST)
 SUITE_NAMES = (  # of `score.suites.SUITES`
     "quick", "standard", "hard", "varied", "hardware", "standing", "disturbances", "terrain", "terrain-blind",
-    "varied-sealed", "hardware-sealed", "hard-sealed", "standing-sealed", "disturbances-sealed",
-    "terrain-sealed", "terrain-blind-sealed", "quick-1", "shift-duration", "shift-body", "shift-model",
-    "shift-magnitude", "shift-floor", "shift-repeated", "kick", "kick-coded",
+    "quick-sealed", "varied-sealed", "hardware-sealed", "hard-sealed", "standing-sealed",
+    "disturbances-sealed", "terrain-sealed", "terrain-blind-sealed", "quick-1", "shift-duration",
+    "shift-body", "shift-model", "shift-magnitude", "shift-floor", "shift-repeated", "kick", "kick-coded",
 )  # fmt: skip
 REPLICAS = 32  # of a push of `frontier`, by default
 

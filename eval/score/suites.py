@@ -193,6 +193,7 @@ SUITES: dict[str, Callable[[], Suite]] = {
         # these, by the same ids, on robots that do not know it
         "terrain-blind": lambda: _drawn("terrain-blind", "terrain-blind", TERRAIN_SEED, 1, ids="terrain"),
         # 1024 more, of `sealed_seed`: nobody can have looked at them while designing the code
+        "quick-sealed": lambda: _drawn("quick-sealed", "quick", sealed_seed()),
         "varied-sealed": lambda: _drawn("varied-sealed", "varied", sealed_seed()),
         "hardware-sealed": lambda: with_profile(SUITES["varied-sealed"](), HARDWARE),
         "hard-sealed": lambda: _drawn("hard-sealed", "hard", sealed_seed()),
