@@ -297,13 +297,15 @@ EVERY_KIND = replace(
 # An action on joints lasts half as long: as many seconds of simulation as `residual` has
 JOINT_RESIDUAL = replace(EVERY_KIND, kind="joint-residual", log_std=-2.5, gamma=0.995, timesteps=10_000_000)
 # Begins as what was trained on the exact robot
-ON_HARDWARE: dict[str, Any] = {
-    "profile": "hardware",
-    "critic": ("push", "schedule", "sensing"),
-    "value_first": 100_000,
-    "learning_rate": 2e-4,
-    "timesteps": 3_000_000,
-}
+ON_HARDWARE = replace(
+    JOINT_RESIDUAL,
+    initial="joint-residual",
+    profile="hardware",
+    critic=("push", "schedule", "sensing"),
+    value_first=100_000,
+    learning_rate=2e-4,
+    timesteps=2_000_000,
+)
 # Of networks that have no planner to fall back on: the easy ones, too
 ALL_PUSHES = replace(TRAINING_PUSHES, impulse_min=5.0)
 # Half on the pelvis, where `hard` has them, the others where the tour's punches bring a G1 down
@@ -317,13 +319,12 @@ ON_G1 = replace(
 )  # fmt: skip
 RECIPES = {  # in the order of `NAMES` in eval/rollout/load_policy.py
     "residual": EVERY_KIND,
-    "residual-hardware": replace(EVERY_KIND, initial="residual", **ON_HARDWARE),
     "scratch": TrainingSettings("scratch", pushes=ALL_PUSHES),
     # Imitation only: from nothing PPO survives more and keeps less to its command (docs/training.md)
     "joint": TrainingSettings("joint", teacher=True, reward="recovery", policy_layers=(256, 256),
                               timesteps=0),
     "joint-residual": JOINT_RESIDUAL,
-    "joint-residual-hardware": replace(JOINT_RESIDUAL, initial="joint-residual", **ON_HARDWARE),
+    "joint-residual-hardware": ON_HARDWARE,
     "residual-g1": replace(RESIDUAL, env_id="PushRecovery/G1-v0", pushes=ON_G1),
 }  # fmt: skip
 
