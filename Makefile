@@ -19,7 +19,7 @@ $(VENV)/dev.stamp: pyproject.toml constraints.txt
 	touch $@ $(VENV)/run.stamp
 
 # place and time of the step, the trunk with them, all of it, and all of it corrected by a network
-ARMS := stage-1 stage-1+momentum two-stage residual joint-residual joint-residual-hardware
+ARMS := stage-1 stage-1+momentum two-stage residual residual-hardware joint-residual joint-residual-hardware
 run: $(VENV)/run.stamp
 	$(BIN)/push-recovery evaluate --suite quick --profile exact hardware --policies $(ARMS)
 

@@ -29,12 +29,13 @@ ADAPTS = {
     "stage-1+momentum": "step place, step time and trunk",
     "two-stage": "step place, step time, CoP and trunk",
     "residual": "the same, corrected by a network",
+    "residual-hardware": "the same; the network has learned under `hardware`",
     "joint-residual": "as `two-stage`; a network corrects the joint torques",
     "joint-residual-hardware": "the same; the network has learned under `hardware`",
     "scratch": "as `two-stage`, but a network decides alone",
     "joint": "joint targets, given by a network",
 }
-LEARNED = ("residual", "scratch", "joint", "joint-residual", "joint-residual-hardware")
+LEARNED = ("residual", "residual-hardware", "scratch", "joint", "joint-residual", "joint-residual-hardware")
 COLUMNS = (
     "policy", "what it may adapt", "recovered", "share (95 % interval)", "survived", "recovered of `quick`"
 )  # fmt: skip

@@ -48,6 +48,7 @@ POLICY_STYLES: dict[str, CurveStyle] = {
     "two-stage, no trunk debt": CurveStyle("#a6522b", (0, (2, 1, 1, 1)), ">", "without the trunk's debt"),
     "two-stage, plain DCM": CurveStyle("#862255", (0, (6, 1, 1, 1)), "X", "without either: the plain DCM"),
     "residual": CurveStyle("#c2178a", (0, (12, 1)), "H", "residual"),
+    "residual-hardware": CurveStyle("#7b1f5c", (0, (6, 3)), "8", "residual, hardware"),
     "scratch": CurveStyle("#a87500", (0, (3, 2)), "1", "from scratch"),
     "joint": CurveStyle("#0b7a55", (0, (4, 3)), "2", "joint targets"),
     "joint-residual": CurveStyle("#5b7083", (0, (5, 1, 2, 1)), "3", "joint residual"),

@@ -32,7 +32,8 @@ from .contract import PACKAGED, Trusted, contract_name, is_contract, read_contra
 
 FOLDER = Path(__file__).parent / "policies"
 NAMES = (
-    "residual", "scratch", "joint", "joint-residual", "joint-residual-hardware", "residual-g1",
+    "residual", "residual-hardware", "scratch", "joint", "joint-residual", "joint-residual-hardware",
+    "residual-g1",
 )  # fmt: skip
 
 

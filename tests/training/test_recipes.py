@@ -19,11 +19,12 @@ def test_every_shipped_policy_has_a_recipe_of_its_own():
     assert len(as_text) == len(RECIPES)
 
 
-def test_the_correction_on_hardware_goes_on_from_the_exact_one_and_sees_the_sensors_errors():
-    exact, hardware = RECIPES["joint-residual"], RECIPES["joint-residual-hardware"]
-    assert hardware.initial == "joint-residual"
-    assert set(hardware.critic) - set(exact.critic) == {"sensing"}
-    same = ("like", "pushes", "n_envs", "n_steps", "batch_size", "policy_layers", "inputs", "gate", "gamma")
+@pytest.mark.parametrize("name", ["residual", "joint-residual"])
+def test_a_correction_on_hardware_begins_as_an_exact_one_and_its_critic_sees_the_sensors_errors(name):
+    exact, hardware = RECIPES[name], RECIPES[f"{name}-hardware"]
+    assert (exact.initial, hardware.initial) == (None, name)
+    assert "sensing" in set(hardware.critic) - set(exact.critic)
+    same = ("policy_layers", "inputs", "gate", "gamma", "hold", "log_std")
     assert all(getattr(hardware, setting) == getattr(exact, setting) for setting in same)
 
 
