@@ -77,7 +77,7 @@ SAYS = {  # script -> what each of its lines says, whatever becomes of the pushe
     ],
     "learned": [
         r"two-stage: 120\.0 N s \(2\.00 N s/kg\) to the left: fell .*; trunk leant \d\.\d\d rad at most",
-        r"residual: 120\.0 N s .*: recovered.*; trunk leant \d\.\d\d rad at most",
+        r"joint-residual: 120\.0 N s .*: recovered.*; trunk leant \d\.\d\d rad at most",
     ],
     "planner_alone": [  # the worked example of docs/planner.md
         r"undisturbed: 0\.00 m, 0\.20 m, 0\.65 s",

@@ -154,6 +154,7 @@ class LearningCurve:
     timesteps: tuple[int, ...]  # learned actions
     recovered: tuple[float, ...]
     pushes: int  # of each point
+    like: tuple[str, ...] = ()  # kinds of suites that they are drawn like; none: 80-200 N s at the pelvis
 
 
 def learning_curve(policy: str) -> LearningCurve:
@@ -172,6 +173,7 @@ def learning_curve(policy: str) -> LearningCurve:
             tuple(int(point["timesteps"]) for point in points),
             tuple(float(point["recovered"]) for point in points),
             int(points[0]["scenarios"]),
+            tuple(dict.fromkeys(training["settings"].get("like", ()))),
         )
     except (KeyError, TypeError, ValueError, IndexError):
         raise InvalidValueError(f"{path} does not tell how its policy learned") from None
@@ -196,7 +198,8 @@ def save_learning_curves(
                 textcoords="offset points", ha="right", va="bottom", fontsize=8.0,
             )  # fmt: skip
         axes.set_xlabel("learned actions [million]")
-        axes.set_ylabel(f"recovered, of {curves[0].pushes} pushes of 80-200 N s")
+        kinds = dict.fromkeys(" and ".join(curve.like) or "hard" for curve in curves)
+        axes.set_ylabel(f"recovered, of {curves[0].pushes} pushes like those of {'; '.join(kinds)}")
         least = min(min(curve.recovered) for curve in curves)
         axes.set_ylim(max(math.floor(10.0 * least) / 10.0 - BELOW, 0.0), 1.02)
         figure.legend(loc="outside lower center", ncols=3, fontsize=8.5)

@@ -4,8 +4,10 @@ import json
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import pytest
+from matplotlib.axes import Axes
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.eval.record.plot import LearningCurve, learning_curve, save_learning_curves
 
@@ -40,11 +42,16 @@ def test_a_file_that_tells_of_no_training_is_refused(file, text):
         learning_curve(str(file))
 
 
-def test_the_figure_has_the_curves_and_the_lines(file, tmp_path):
-    paths = save_learning_curves([learning_curve(str(file))], [("two-stage", 0.5)], tmp_path, "curves")
+def test_the_figure_has_the_curves_and_the_lines(file, tmp_path, monkeypatch):
+    said = []
+    monkeypatch.setattr(Axes, "set_ylabel", lambda axes, label: said.append(label))
+    first = learning_curve(str(file))
+    other = replace(first, name="other", like=("quick", "hard"))
+    paths = save_learning_curves([first, other], [("two-stage", 0.5)], tmp_path, "curves")
     assert [path.name for path in paths] == ["curves.png", "curves.svg"]
     assert paths[0].stat().st_size > 5000
     ET.fromstring(paths[1].read_text())  # noqa: S314  # our own
+    assert said == ["recovered, of 40 pushes like those of hard; quick and hard"]
 
 
 def test_the_command_prints_the_ends_and_draws(file, tmp_path):
