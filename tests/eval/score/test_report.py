@@ -168,7 +168,7 @@ def test_how_much_search_found_a_policy_is_a_column_where_it_is_known(evaluation
     table = report.rates_table(found)
     assert table.columns[-1] == "found by"
     assert [cells[-1] for cells in table.rows] == [
-        "188 trials", "7 trials", "-", "2.3 M actions", "imitation", "8.0 M actions, pelvis", "-"
+        "188 trials", "7 trials", "-", "2.3 M actions", "imitation", "10.0 M actions, quick, hard", "-"
     ]  # fmt: skip
     assert "trials of the search" in table.note
     page = headline.rates_table(found)
