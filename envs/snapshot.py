@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from ..controllers.array_table import array_fields
 from ..controllers.errors import InvalidValueError
 from ..controllers.model.gait_box import DURATION
-from .scenario.push import FloorShift, GaitEvent, Push, Side
+from .scenario.arrays import DUE
+from .scenario.push import GaitEvent, Push, Side
 from .scenario.scenario import Scenario
 
 Arrays = dict[str, NDArray[Any]]  # by PART.FIELD
@@ -70,7 +71,6 @@ def take_rows(arrays: Arrays, k: int, n: int) -> Arrays:
 # Fields of the walk so far
 SAME = ("command", "stance_side", "noise_seed", "errors", "physics", "sensing", "jumps", "start")
 START, NEXT_CHANGE = "pushes.start", "schedule.next"
-SOON = 1e-6  # [s], within a physics step
 STEPS, ELAPSED, PLAN = "gait.steps", "gait.elapsed", "gait.plan"
 
 
@@ -111,7 +111,7 @@ class RobotSnapshot:
                 raise InvalidValueError(
                     f"a scenario that goes on from a snapshot must have its {name}, {then!r}, got {asked!r}"
                 )
-        if _floor_goes(scenario) != _floor_goes(self.scenario):
+        if scenario.floor_goes != self.scenario.floor_goes:
             raise InvalidValueError(
                 "a scenario that goes on from a snapshot must have a floor that moves if, and only if, the "
                 "snapshot's own has"
@@ -149,15 +149,10 @@ class RobotSnapshot:
         """
         start, at_once = push.start, push.law is not None and push.law.moves_floor
         if not isinstance(start, GaitEvent):
-            return start < self.time or (at_once and start < self.time + SOON)
+            return start < self.time or (at_once and start < self.time + DUE)
         behind = self.rows[STEPS].item() - start.step_index(first_side)
         planned = self.rows[PLAN][DURATION].item()
         return behind > 0 or (behind == 0 and self.rows[ELAPSED].item() > start.fraction * planned)
-
-
-def _floor_goes(scenario: Scenario) -> bool:
-    """Whether the floor moves, which control is off by from reset on."""
-    return any(isinstance(push.law, FloorShift) for push in scenario.forces)
 
 
 def digest_of(*contents: bytes) -> str:

@@ -307,20 +307,26 @@ def stored_answers(suite: Suite) -> Answers | None:
     return answers if answers.suite["sha256"] == suite.sha256 else None
 
 
+def answered(suite: Suite, env_id: str) -> tuple[Suite, SequencePolicy] | None:
+    """The pushes of a suite that have a stored answer, and what replays it; None where there are none."""
+    answers = stored_answers(suite) if env_id == DEFAULT_ENV else None
+    if answers is None:
+        return None
+    pushes = tuple(one for one in suite.scenarios if one.id in answers.sequences)
+    if not pushes:
+        return None
+    with closing(environments.make_env(env_id)) as env:
+        return Suite(f"{suite.name}-answered", suite.version, pushes), answers.policy(env)
+
+
 def with_ceiling(evaluation: Evaluation, workers: int = 1, overwrite: bool = False) -> Evaluation:
     """The evaluation with the ceiling among its policies, where answers to its suite are stored.
 
     They are replayed on today's robot, so that only what they recover on it counts.
     """
-    answers = stored_answers(evaluation.suite) if evaluation.env_id == DEFAULT_ENV else None
-    if answers is None or CEILING in evaluation.rows:
+    if CEILING in evaluation.rows or (found := answered(evaluation.suite, evaluation.env_id)) is None:
         return evaluation
-    pushes = tuple(one for one in evaluation.suite.scenarios if one.id in answers.sequences)
-    if not pushes:
-        return evaluation
-    suite = Suite(f"{evaluation.suite.name}-answered", evaluation.suite.version, pushes)
-    with closing(environments.make_env(evaluation.env_id)) as env:
-        policy = answers.policy(env)
+    suite, policy = found
     replayed = evaluate(
         suite, evaluation.env_id, {CEILING: policy}, workers, evaluation.directory / REPLAYED, overwrite
     )

@@ -50,7 +50,7 @@ from ..scenario.scenario import Scenario
 from ..sensing import Senses, Sensing, begin_onboard, exact_sensing, onboard_sensing
 from ..simulation import Simulations, compute_nominal
 from .floor import FootholdPlanner, KnownFloor, Stance, assign_floor, lay_floor, level_floors, pattern_of
-from .laws import assign_laws, moves, own_floor
+from .laws import assign_laws, own_floor
 from .limits_record import LimitsReport, clear_record, empty_record, plan_limits, report_limits
 from .model_errors import assign_errors, check_biped_errors, no_errors
 from .period import (
@@ -325,7 +325,7 @@ class BipedCore:
             self.pushes.body[k, self.pushes.body[k] == NUMBERS["trunk"]] = NUMBERS["pelvis"]
         gravity = self.senses.last.sensors.gravity[k] if self.senses.of(k) else None
         self._of_laws[k] = assign_laws(self.pushes, k, scenario, self.body, model, data, gravity)
-        if moves(scenario):
+        if scenario.floor_goes:
             self.errors.physical[k] = self.errors.believes[k] = 1
         self.kicks.assign(k, scenario.jumps)
 

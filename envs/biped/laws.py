@@ -43,11 +43,6 @@ def own_floor(scenario: Scenario, model: mujoco.MjModel | None, common: mujoco.M
     return copy.copy(common if model is None else model)
 
 
-def moves(scenario: Scenario) -> bool:
-    """Whether the floor of a scenario moves, of which control knows nothing."""
-    return any(push.law is not None and push.law.number == MOVED for push in scenario.forces)
-
-
 def assign_laws(
     pushes: Pushes,
     k: int,

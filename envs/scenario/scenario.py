@@ -23,7 +23,7 @@ from ...controllers.validation import (
 )
 from .disturbances import read_disturbance
 from .model_errors import EXACT_MODEL, PLAIN_PHYSICS, ModelErrors, PhysicsOptions
-from .push import SIDES, Disturbance, Kick, Push, Side, other_side
+from .push import SIDES, Disturbance, FloorShift, Kick, Push, Side, other_side
 from .record import JsonRecord, object_of
 
 FASTEST_TURN = 0.6  # [rad/s]
@@ -206,6 +206,11 @@ class Scenario(JsonRecord):
     def jumps(self) -> tuple[Kick, ...]:
         """The jumps of the velocity of all disturbances, first the kicks."""
         return self.kicks + tuple(kick for other in self.disturbances for kick in other.jumps)
+
+    @property
+    def floor_goes(self) -> bool:
+        """Whether the floor moves, of which control knows nothing."""
+        return any(isinstance(push.law, FloorShift) for push in self.forces)
 
     def end_time(self, last_push_end: float) -> float:
         """Time at which the episode is truncated [s].

@@ -18,8 +18,8 @@ from ...controllers.model.observation import ELAPSED
 from ...controllers.model.robot import GRAVITY
 from ...controllers.validation import require_choice, require_number
 from ...envs.biped.env import BipedEpisodes
-from ...envs.scenario import disturbances
-from ...envs.scenario.push import Body, GaitEvent, Push
+from ...envs.scenario.disturbances import Impactor, Payload, Slip, SteadyForce, Trip, WaistPull, WeightPull
+from ...envs.scenario.push import Body, Disturbance, GaitEvent, Push
 from ...envs.scenario.scenario import Command, CommandChange, Scenario
 from ...envs.snapshot import RobotSnapshot
 from ..record.record import LIMIT, Array, Recorder, gait_episodes
@@ -100,67 +100,51 @@ class ByHand:
         """Start and direction, as disturbances that laboratories use take them."""
         return {"start": self.lane.time, "direction": self.ahead}
 
-    @property
-    def soon(self) -> float:
-        """When the floor may change [s]: a physics step has the floor that the one before it has left."""
-        return self.lane.time + self.lane.period
 
-    @property
-    def stance(self) -> int:
-        """Number of the step under way."""
-        return int(self.lane.episodes.motion().steps[0])
-
-
-def _push(hand: ByHand) -> Push:
+def _push(hand: ByHand) -> Disturbance:
     return push_now(hand.impulse, hand.lane.time, hand.body)
 
 
-def _impactor(hand: ByHand) -> Push:
+def _impactor(hand: ByHand) -> Disturbance:
     mass = 0.25 * hand.lane.mass
-    return disturbances.Impactor(mass, hand.size / mass, body=hand.body, **hand.common).forces[0]
+    return Impactor(mass, hand.size / mass, body=hand.body, **hand.common)
 
 
-def _weight_pull(hand: ByHand) -> Push:
+def _weight_pull(hand: ByHand) -> Disturbance:
     duration = 0.5
-    mass = hand.size / (GRAVITY * duration)
-    return disturbances.WeightPull(mass, duration=duration, body=hand.body, **hand.common).forces[0]
+    return WeightPull(hand.size / (GRAVITY * duration), duration=duration, body=hand.body, **hand.common)
 
 
-def _waist_pull(hand: ByHand) -> Push:
-    return disturbances.WaistPull(
-        0.12 * hand.size / hand.lane.mass, 0.8, body=hand.body, **hand.common
-    ).forces[0]
+def _waist_pull(hand: ByHand) -> Disturbance:
+    return WaistPull(0.12 * hand.size / hand.lane.mass, 0.8, body=hand.body, **hand.common)
 
 
-def _steady_force(hand: ByHand) -> Push:
+def _steady_force(hand: ByHand) -> Disturbance:
     duration, rise = 1.0, 0.2
     force = hand.size / (duration - rise)
-    return disturbances.SteadyForce(
-        force, duration=duration, rise=rise, body=hand.body, **hand.common
-    ).forces[0]
+    return SteadyForce(force, duration=duration, rise=rise, body=hand.body, **hand.common)
 
 
-def _payload(hand: ByHand) -> Push:
+def _payload(hand: ByHand) -> Disturbance:
     height = 0.2
-    mass = hand.size / math.sqrt(2.0 * GRAVITY * height)
-    return disturbances.Payload(mass, height, hand.lane.time).forces[0]
+    return Payload(hand.size / math.sqrt(2.0 * GRAVITY * height), height, hand.lane.time)
 
 
-def _slip(hand: ByHand) -> Push:
-    side = hand.lane.scenario.side_of_step(hand.stance)
-    return disturbances.Slip(side, 0.05, hand.soon, 0.4).forces[0]
+def _slip(hand: ByHand) -> Disturbance:
+    side = hand.lane.scenario.side_of_step(hand.lane.steps)
+    return Slip(side, 0.05, hand.lane.time + hand.lane.period, 0.4)  # the floor of now has been laid already
 
 
-def _trip(hand: ByHand) -> Push:
+def _trip(hand: ByHand) -> Disturbance:
     if hand.lane.stands:
         raise InvalidValueError("a robot that stands does not trip: let it walk first")
-    coming = hand.stance + 1
+    coming = hand.lane.steps + 1
     event = GaitEvent(coming, hand.lane.scenario.side_of_step(coming), 0.3)
-    return disturbances.Trip(event, force=2.5 * hand.lane.mass).forces[0]
+    return Trip(event, force=2.5 * hand.lane.mass)
 
 
 PUSH = "push"
-KINDS: dict[str, Callable[[ByHand], Push]] = {  # given by hand, of an impulse J and the robot's mass m
+KINDS: dict[str, Callable[[ByHand], Disturbance]] = {  # of one force each, by an impulse J and the mass m
     PUSH: _push,  # J within 0.1 s
     "impactor": _impactor,  # m / 4 at the speed of the momentum J
     "weight pull": _weight_pull,  # whose weight gives J in 0.5 s
@@ -255,7 +239,7 @@ class Lane:
         self._go_on(replace(scenario, pushes=(*scenario.pushes, push)))
         self.given = [*self.given[: len(scenario.pushes)], kind]
         self._strategy.begin(0)
-        self._steps_before = self._steps
+        self._steps_before = self.steps
         self._note_answer()
 
     def set_command(self, command: Command) -> None:
@@ -313,12 +297,13 @@ class Lane:
         self.env.close()
 
     @property
-    def _steps(self) -> int:
+    def steps(self) -> int:
+        """Completed since the start of its walk, and so the number of the one under way."""
         return int(self.episodes.motion().steps[0])
 
     def _note_answer(self) -> None:
         strategy = self._strategy.strategy(0)
-        self.answer = None if strategy is None else Answer(strategy, self._steps - self._steps_before)
+        self.answer = None if strategy is None else Answer(strategy, self.steps - self._steps_before)
 
     def _possible(self, command: Command) -> Command:
         return command if self.episodes.stands else replace(command, stand=False)
@@ -337,33 +322,31 @@ RECENT = 30  # samples in which a limit counts as being met
 
 def status_words(lane: Lane) -> str:
     """Whether a robot walks, stands, was pushed, has recovered or fallen, and then which keys help."""
-    pushes = lane.scenario.pushes
-    push, start = pushes[-1] if pushes else None, lane.push_start
-    since = lane.time - start
     if lane.over:
-        after, again = (
-            ("", "")
-            if push is None
-            else (f" {since:.2f} s after the {lane.given[-1]}", f", R to replay the last {lane.given[-1]}")
-        )
-        return f"fell{after} ({reason_words(lane.info['failure_reason'])}): press N to start anew{again}"
-    if push is None:
+        again = ""
+        if lane.given:
+            fell = f"fell {lane.time - lane.push_start:.2f} s after the {lane.given[-1]}"
+            again = f", R to replay the last {lane.given[-1]}"
+        else:
+            fell = "fell"
+        return f"{fell} ({reason_words(lane.info['failure_reason'])}): press N to start anew{again}"
+    if not lane.given:
         return f"{'stands' if lane.stands else 'walks'}, {lane.time:.1f} s"
+    kind, start = lane.given[-1], lane.push_start
     if math.isinf(start):
-        return f"{lane.given[-1]} to come in the next step"
-    words, settled = given_words(push, lane.given[-1], lane.mass), lane.info["recovered_at"]
+        return f"{kind} to come in the next step"
+    words = given_words(lane.scenario.pushes[-1], kind, lane.mass)
+    settled, since = lane.info["recovered_at"], lane.time - start
     if settled is not None and settled >= start:
         return f"recovered {settled - start:.2f} s after {words}"
-    if lane.given[-1] == PUSH:
-        return f"pushed {since:.2f} s ago with {words}"
-    return f"{since:.2f} s after {words}"
+    return f"pushed {since:.2f} s ago with {words}" if kind == PUSH else f"{since:.2f} s after {words}"
 
 
 def given_words(push: Push, kind: str, mass: float) -> str:
     """A push that was given, in words: its impulse, with its kind where that is another one."""
-    aside = any(push.force[:2]) and kind != "trip"
     if kind == PUSH:
         return impulse_words(push, mass)
+    aside = any(push.force[:2]) and kind != "trip"
     return f"{kind} of nominally {impulse_words(push, mass)}" if aside else kind
 
 
@@ -479,7 +462,7 @@ class Session:
         require_choice("kind of disturbance", kind, tuple(KINDS))
         before = self._aligned()
         chosen = np.asarray(impulse, np.float64)
-        pushes = [KINDS[kind](ByHand(chosen, body, lane)) for lane in self.lanes]
+        pushes = [KINDS[kind](ByHand(chosen, body, lane)).forces[0] for lane in self.lanes]
         for lane, push in zip(self.lanes, pushes, strict=True):
             lane.push(push, kind)
         self.last = LastPush(pushes[0], kind, before)

@@ -14,7 +14,7 @@ import shutil
 import tempfile
 import warnings
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -164,7 +164,7 @@ def write_datasets(
         import minari  # noqa: F401
     except ImportError:
         raise MissingExtraError("minari", "data") from None
-    found = []
+    found, folder = [], _root(root)
     for label, source in policy_sources(policies).items():
         scenarios, policy = suite.scenarios, source.origin
         if policy == CEILING:
@@ -174,21 +174,23 @@ def write_datasets(
                 "suite": suite.name, "suite_sha256": suite.sha256, "policy": label, "env_id": env_id,
                 "policy_sha256": source.digest() or "", "code_sha256": environments.code_digest(),
             }  # fmt: skip
-            found.append(_dataset(env, acting, scenarios, made_of, _root(root), threads, bars))
+            name = dataset_id(suite.name, env, label)
+            if not (folder / name).exists():
+                _write(env, acting, scenarios, made_of, folder, name, threads, bars)
+            found.append(_read(folder, name, made_of))
+            bars.set(label, len(scenarios))
     return found
 
 
 def _answered(suite: Suite, env_id: str) -> tuple[tuple[Scenario, ...], Policy]:
     """The pushes of a suite that have a stored answer, and the policy that replays it."""
-    answers = ceiling.stored_answers(suite) if env_id == DEFAULT_ENV else None
-    if answers is None:
+    found = ceiling.answered(suite, env_id)
+    if found is None:
         raise InvalidValueError(
             f"no answers of a search are stored for suite {suite.name!r} on {env_id}, and ceiling replays "
             f"them; choose suite hard on {DEFAULT_ENV}"
         )
-    with closing(environments.make_env(env_id)) as env:
-        policy = answers.policy(env)
-    return tuple(one for one in suite.scenarios if one.id in answers.sequences), policy
+    return found[0].scenarios, found[1]
 
 
 def _root(root: Path | None) -> Path:
@@ -211,51 +213,45 @@ def _minari_in(folder: Path) -> Iterator[None]:
             os.environ[ROOT] = before
 
 
-def _dataset(
+def _read(root: Path, name: str, made_of: dict[str, str]) -> DataSet:
+    """The data set of a name; raises InvalidValueError where it is made of something else."""
+    import minari
+
+    place = root / name
+    with _minari_in(root):
+        there: Any = minari.load_dataset(name)
+    known = there.storage.metadata
+    if other := [key for key, value in made_of.items() if known.get(key) != value]:
+        raise InvalidValueError(
+            f"{str(place)!r} is a data set of another {other[0]}: delete it, or choose another --out"
+        )
+    told = there.storage.get_episode_metadata(there.episode_indices)
+    recovered = sum(bool(one["recovered"]) for one in told)
+    return DataSet(name, place, there.total_episodes, there.total_steps, recovered)
+
+
+def _write(
     env: gym.Env, policy: Policy, scenarios: tuple[Scenario, ...], made_of: dict[str, str], root: Path,
-    threads: int, bars: Bars,
-) -> DataSet:  # fmt: skip
-    """Write one data set beside its place, and move it there once it is whole."""
+    name: str, threads: int, bars: Bars,
+) -> None:  # fmt: skip
+    """Write a data set beside its place, and move it there once it is whole."""
     import minari
     from minari import data_collector
 
-    label = made_of["policy"]
-    name = dataset_id(made_of["suite"], env, label)
-    place = root / name
-    if place.exists():
-        with _minari_in(root):
-            there: Any = minari.load_dataset(name)
-        known = there.storage.metadata
-        if other := [key for key, value in made_of.items() if known.get(key) != value]:
-            raise InvalidValueError(
-                f"{str(place)!r} is a data set of another {other[0]}: delete it, or choose another --out"
-            )
-        recovered = sum(
-            bool(one["recovered"]) for one in there.storage.get_episode_metadata(there.episode_indices)
-        )
-        bars.set(label, len(scenarios))
-        return DataSet(name, place, there.total_episodes, there.total_steps, recovered)
-
-    kept: list[dict[str, Any]] = []
-    counts = {"episodes": 0, "transitions": 0, "recovered": 0}
-
+    label, kept = made_of["policy"], list[dict[str, Any]]()
     create: Any = minari.create_dataset_from_buffers  # which takes them one by one, too
     buffer: Any = data_collector.EpisodeBuffer
 
     def episodes() -> Iterator[Any]:
         for one, outcome in collect(env, policy, scenarios, label, threads):
             ends = [False] * (len(one.rewards) - 1)
-            counts["episodes"] += 1
-            counts["transitions"] += len(one.rewards)
-            counts["recovered"] += outcome.recovered
-            kept.append({key: getattr(outcome, key) for key in KEPT})
-            bars.set(label, counts["episodes"])
             yield buffer(
-                id=counts["episodes"] - 1, seed=one.scenario.noise_seed,
-                options={"scenario": one.scenario.to_json()},
+                id=len(kept), seed=one.scenario.noise_seed, options={"scenario": one.scenario.to_json()},
                 observations=np.array(one.observations), actions=np.array(one.actions), rewards=one.rewards,
                 terminations=[*ends, not outcome.survived], truncations=[*ends, outcome.survived],
             )  # fmt: skip
+            kept.append({key: getattr(outcome, key) for key in KEPT})
+            bars.set(label, len(kept))
 
     root.mkdir(parents=True, exist_ok=True)
     with (
@@ -267,13 +263,12 @@ def _dataset(
         written = create(
             name, episodes(), env=env.spec, algorithm_name=label, action_space=env.action_space,
             observation_space=env.observation_space, data_format="hdf5", requirements=["push-recovery"],
-            description=f"{made_of['policy']} on the pushes of {made_of['suite']}; see docs/offline.md",
+            description=f"{label} on the pushes of {made_of['suite']}; see docs/your_own.md#data-sets",
         )  # fmt: skip
         written.storage.update_episode_metadata(kept)
         written.storage.update_metadata(made_of)
-        place.parent.mkdir(parents=True, exist_ok=True)
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
         for entry in (Path(folder) / NAMESPACE).iterdir():
             if entry.is_file():  # what Minari says of the name space
                 shutil.copy(entry, root / NAMESPACE / entry.name)
-        os.replace(Path(folder) / name, place)
-    return DataSet(name, place, **counts)
+        os.replace(Path(folder) / name, root / name)

@@ -4,7 +4,6 @@ import os
 from contextlib import closing
 from pathlib import Path
 
-import minari
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, MissingExtraError
@@ -15,6 +14,7 @@ from push_recovery.eval.record import dataset
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.score.suites import Suite, get_suite
 
+minari = pytest.importorskip("minari", reason="needs the extra data")
 BIPED, PENDULUM = "PushRecovery/Biped-v0", "PushRecovery/Pendulum-v0"
 
 

@@ -122,6 +122,7 @@ def test_the_sealed_pushes_are_those_of_the_code(monkeypatch, kind):
     make.cache_clear()
     assert drawn[0] == drawn[2]
     assert len(drawn[0].scenarios) == 1024
+    assert len(like.scenarios) == (256 if kind == "quick" else 1024)
     pushes = [{s.pushes for s in suite.scenarios} for suite in (drawn[0], drawn[1], drawn[3], like)]
     for i, j in itertools.combinations(range(4), 2):
         assert not pushes[i] & pushes[j]
