@@ -1,4 +1,4 @@
-"""Clone a policy from a data set, read through TorchRL's replay buffer, and score the clone beside it.
+"""Clone a policy from a data set, by TorchRL's replay buffer, and score the clone beside it.
 
 pip install '.[data,train]' torchrl
 push-recovery dataset --suite standard --policies two-stage
@@ -7,23 +7,30 @@ python examples/clone.py [push-recovery/biped/standard-two-stage-v0] [GRADIENT S
 
 import sys
 
+import minari
 import numpy as np
 import torch
-from torchrl.data.datasets.minari_data import MinariExperienceReplay
+from tensordict import TensorDict
+from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
 from push_recovery import evaluate
 
 dataset = sys.argv[1] if len(sys.argv) > 1 else "push-recovery/biped/standard-two-stage-v0"
 steps = int(sys.argv[2]) if len(sys.argv) > 2 else 20_000
-data = MinariExperienceReplay(dataset, batch_size=1024, load_from_local_minari=True)
-some = data.sample(20_000)["observation"].float()
-mean, deviation = some.mean(0), some.std(0) + 1e-3
+# Read by Minari: MinariExperienceReplay of TorchRL 0.14.1 gives arrays of zeros
+episodes = list(minari.load_dataset(dataset))
+seen = torch.as_tensor(np.concatenate([one.observations[:-1] for one in episodes])).float()
+done = torch.as_tensor(np.concatenate([one.actions for one in episodes]))
+data = TensorDictReplayBuffer(storage=LazyTensorStorage(len(seen)), batch_size=1024)
+data.extend(TensorDict({"observation": seen, "action": done}, batch_size=[len(seen)]))
+mean, deviation = seen.mean(0), seen.std(0) + 1e-3
+
 hidden = torch.nn.Linear(36, 256), torch.nn.Tanh(), torch.nn.Linear(256, 256), torch.nn.Tanh()
 net = torch.nn.Sequential(*hidden, torch.nn.Linear(256, 7))
 optimiser = torch.optim.Adam(net.parameters(), 1e-3)
 for step in range(steps):
     batch = data.sample()
-    loss = (net((batch["observation"].float() - mean) / deviation) - batch["action"]).square().mean()
+    loss = (net((batch["observation"] - mean) / deviation) - batch["action"]).square().mean()
     optimiser.zero_grad()
     loss.backward()
     optimiser.step()
