@@ -59,6 +59,24 @@ def test_it_asks_for_nothing_and_nothing_is_cut(opened):
     assert wrong == []
 
 
+def test_the_widest_rows_of_the_package_are_not_cut(browser, evaluation, tmp_path):
+    """Seven policies with a long name, or with all that they were trained on, as after `make run`."""
+    letters = "rsfrrfrfsr" * 6
+    names = ("stage-1", "stage-1+momentum", "two-stage", "residual", "residual-hardware", "joint-residual",
+             "joint-residual-hardware")  # fmt: skip
+    found = evaluation(dict.fromkeys(names, letters))
+    for row in found.rows["two-stage"]:  # and there is a column of those that have turned
+        row["measures"]["heading_error"] = 0.1
+    path = write_evaluation_page({"exact": found, "hardware": found}, Command(("evaluate",), ()), tmp_path)
+    page = browser.new_context(viewport={"width": DESK, "height": 800}).new_page()
+    page.set_default_timeout(PATIENCE)
+    page.goto(path.as_uri())
+    assert page.locator("#rates td", has_text="10.0 M actions, quick, hard").count() == 2
+    assert page.locator("#rates th", has_text="turned").count() == 2
+    assert page.evaluate("document.documentElement.scrollWidth") <= DESK
+    page.close()
+
+
 def test_it_is_short_until_a_part_is_unfolded(opened):
     page, width = opened[:2]
     assert page.evaluate("document.documentElement.scrollHeight") < (8000 if width == DESK else 16000)
