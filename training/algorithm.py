@@ -34,9 +34,16 @@ class Algorithm(ABC):
         venv: its environments.
         seed: of weights and exploration.
         log: folder of TensorBoard's files, or None.
+
+    Raises:
+        InvalidValueError: the settings ask for a GPU, and there is none.
     """
 
     def __init__(self, settings: TrainingSettings, venv: VecNormalize, seed: int, log: Path | None = None):
+        if settings.device != "cpu" and not torch.cuda.is_available():
+            raise InvalidValueError(
+                f"training setting device is {settings.device!r}, and torch finds no GPU here; take cpu"
+            )
         torch.set_num_threads(1)  # a small network gains nothing from more, and its sums would depend on them
         self.settings, self.venv = settings, venv
         self.model = self.make(seed, None if log is None else str(log))
@@ -123,7 +130,7 @@ class Algorithm(ABC):
                 }
             tensors |= {f"{part.removeprefix('policy.')}.{name}": value for name, value in state.items()}
         tensors |= {name: save_util.recursive_getattr(self.model, name).detach() for name in variables}
-        arrays = {name: value.numpy().copy() for name, value in tensors.items()}
+        arrays = {name: value.cpu().numpy().copy() for name, value in tensors.items()}
         for name, statistics in self.statistics().items():
             values = (("mean", statistics.mean), ("variance", statistics.var), ("count", statistics.count))
             arrays |= {f"{name}.{key}": np.array(value, dtype=np.float64) for key, value in values}

@@ -1,6 +1,6 @@
 """Environments of a run: what it trains and scores on, built from its settings."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import gymnasium as gym
@@ -25,14 +25,14 @@ OBSERVATION_CLIP = 10.0
 ROBOTS_A_THREAD = 4  # at least: with fewer, waking a thread costs what it saves
 
 
-def make_plain_env(env_id: str, profile: str = "exact") -> gym.Env:
+def make_plain_env(env_id: str, profile: Sequence[str] = ("exact",)) -> gym.Env:
     """The environment that policies are scored on.
 
     Raises:
         UnknownNameError: No such id is registered; the message lists the valid ones.
         InvalidValueError: It has not the interface that scoring needs, or a space is not a Box of one row.
     """
-    env = environments.make_env(env_id, **({} if profile == "exact" else {"profile": profile}))
+    env = environments.make_env(env_id, **({} if profile == ("exact",) else {"profile": profile}))
     for name, space in (("observation", env.observation_space), ("action", env.action_space)):
         if not (isinstance(space, gym.spaces.Box) and len(space.shape) == 1):
             raise InvalidValueError(f"{env_id} has the {name} space {space}; training needs a Box of one row")

@@ -106,13 +106,15 @@ class Train(Options):
         theirs, ours = run.load_checkpoint(path).settings, self._with_env(self.settings)
         for entry in fields(TrainingSettings):
             old, new = getattr(theirs, entry.name), getattr(ours, entry.name)
-            if entry.name != "timesteps" and old != new:
+            if entry.name not in {"timesteps", "device"} and old != new:
                 raise InvalidValueError(
                     f"the run in {path} has {entry.name} {old!r}, not {new!r}; "
                     "leave the option out to go on, or start a new run with --out"
                 )
         named = None if self.env is None else ours.env_id  # only what the user names may import a module
-        return with_progress(ours, path, lambda report: run.resume(path, ours.timesteps, report, named))
+        return with_progress(
+            ours, path, lambda report: run.resume(path, ours.timesteps, report, named, ours.device)
+        )
 
     def _with_env(self, settings: TrainingSettings) -> TrainingSettings:
         return settings if self.env is None else replace(settings, env_id=self.env)

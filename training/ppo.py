@@ -47,7 +47,7 @@ class PPOAlgorithm(Algorithm):
             },
             tensorboard_log=log,
             seed=seed,
-            device="cpu",
+            device=settings.device,
         )
         for parameter in model.policy.action_net.parameters():
             torch.nn.init.zeros_(parameter)

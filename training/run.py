@@ -12,7 +12,7 @@ import os
 import shutil
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -31,7 +31,7 @@ from ..controllers.policies.interface import Policy
 from ..controllers.policies.learned import NetworkPolicy, policy_paths
 from ..controllers.validation import parse_json
 from ..envs.scenario.distribution import PushDistribution, ScenarioDistribution
-from ..envs.scenario.scenario import SETTLE_TIME, Scenario, get_profile
+from ..envs.scenario.scenario import SETTLE_TIME, Scenario, get_profiles
 from ..eval.output import progress, rows
 from ..eval.rollout import environments
 from ..eval.rollout.episodes import rollout_all
@@ -62,14 +62,17 @@ class CurvePoint:
 
 
 def curve_scenarios(
-    count: int, profile: str = "exact", size: Similarity = SAME, pushes: ScenarioDistribution = PUSHES
+    count: int,
+    profile: str | Sequence[str] = "exact",
+    size: Similarity = SAME,
+    pushes: ScenarioDistribution = PUSHES,
 ) -> list[Scenario]:
     """The first `count` scenarios of the curve: the same ones in every run.
 
-    `profile` is that of the robots, `size` their size against the robot of 60 kg; `pushes` are by default
-    like those of `hard`.
+    `profile` is that of the robots, of several each draws one; `size` is their size against the robot of
+    60 kg; `pushes` are by default like those of `hard`.
     """
-    streams, robots = np.random.SeedSequence(SCENARIO_ENTROPY).spawn(count), get_profile(profile)
+    streams, robots = np.random.SeedSequence(SCENARIO_ENTROPY).spawn(count), get_profiles(profile)
     drawn = [pushes.sample(np.random.default_rng(s), f"curve-{i:03d}") for i, s in enumerate(streams)]
     return [robots.applied(scenario).scaled(size) for scenario in drawn]
 
@@ -412,7 +415,11 @@ def train(
 
 
 def resume(
-    path: Path, timesteps: int | None = None, report: Report = SILENT, env_id: str | None = None
+    path: Path,
+    timesteps: int | None = None,
+    report: Report = SILENT,
+    env_id: str | None = None,
+    device: str | None = None,
 ) -> TrainingResult:
     """Go on from the newest checkpoint of a run's folder, or from one of its checkpoints, in that folder.
 
@@ -421,6 +428,7 @@ def resume(
         timesteps: New end of the run; None keeps the old one. A run that is past it only writes its policy.
         report: Called with progress.
         env_id: Of the run, as the user names it; needed where to make the environment imports a module.
+        device: Where it goes on; None keeps the old one.
 
     Raises:
         InvalidValueError: There is no checkpoint, it is damaged, or it would import a module by itself; or
@@ -438,5 +446,7 @@ def resume(
             )
         if timesteps is not None:
             settings = replace(settings, timesteps=timesteps)
+        if device is not None:
+            settings = replace(settings, device=device)
         with closing(Run(settings, out, checkpoint, report=report)) as run:
             return run.train()

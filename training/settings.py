@@ -6,6 +6,7 @@ How a shipped policy is trained stands in RECIPES and nowhere else.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -22,7 +23,7 @@ from ..controllers.policies.residual import DEFAULT_GATE, check_gate, check_resi
 from ..controllers.validation import require_choice, require_integer
 from ..envs.scenario.distribution import ErrorRanges, PushDistribution
 from ..envs.scenario.model_errors import EXACT_MODEL
-from ..envs.scenario.scenario import FASTEST_TURN, get_profile
+from ..envs.scenario.scenario import FASTEST_TURN, get_profiles
 from ..eval.rollout.load_policy import training_note
 from ..eval.score.kinds import DRAWS, SuiteDistribution
 from .actor import check_critic
@@ -47,6 +48,7 @@ LATER: dict[str, Any] = {
     "initial": None,
     "critic": [],
     "algorithm": "ppo",
+    "device": "cpu",
     "like": [],
     "target_kl": None,
     "retries": 0,
@@ -98,7 +100,8 @@ class TrainingSettings:
     reward: Annotated[str | None, arg(metavar="{None,recovery,environment}")] = None
     """what is rewarded. recovery: 1 for it, -1 for a fall, the capture margin as a potential; environment:
     the environment's own reward; None: recovery where robots share one core, but environment for joint"""
-    profile: str = "exact"  # profile of the robots: exact, hardware or weighed
+    profile: Annotated[tuple[str, ...], arg(metavar="NAME [NAME ...]")] = ("exact",)
+    """profiles of the robots, exact, hardware or weighed; of several each robot draws one"""
     errors: Annotated[tuple[tuple[str, float, float], ...], arg(metavar="[NAME LOW HIGH ...]")] = ()
     """ranges of `ErrorRanges` that each robot's model is drawn from, such as friction 0.4 1.0: domain
     randomisation"""
@@ -117,6 +120,8 @@ class TrainingSettings:
 
     # Proximal policy optimisation, or another algorithm
     algorithm: Annotated[str, arg(metavar="{ppo}")] = "ppo"  # learning algorithm
+    device: str = "cpu"
+    """where torch learns, cpu or cuda; the robots are simulated on the processor's cores either way"""
     n_steps: int = 64  # number of learned actions per environment and update
     batch_size: int = 1024  # largest batch; the largest divisor of n_envs x n_steps up to it is taken
     n_epochs: int = 5  # number of passes over the actions of an update
@@ -161,6 +166,9 @@ class TrainingSettings:
         for name, valid in (("starts", STARTS), ("reward", REWARDS), ("algorithm", ALGORITHMS)):
             if (value := getattr(self, name)) is not None:
                 require_choice(f"training setting {name}", value, tuple(valid))
+        self._check(
+            "device", re.fullmatch(r"cpu|cuda(:\d+)?", self.device) is not None, "cpu, cuda or cuda:N"
+        )
         self._check("target_kl", self.target_kl is None or 0 < self.target_kl < math.inf, "None or positive")
         for kind in self.like:
             require_choice("kind of suite", kind, tuple(DRAWS))
@@ -170,7 +178,8 @@ class TrainingSettings:
             self._check(
                 "like", not put_back, "kinds of pushes alone, or starts reset: walks keep their robot"
             )
-        get_profile(self.profile)
+        self._set("profile", (self.profile,) if isinstance(self.profile, str) else tuple(self.profile))
+        get_profiles(self.profile)
         if isinstance(self.pushes, dict):
             self._set("pushes", PushDistribution.from_dict(self.pushes))
         self._check("pushes", isinstance(self.pushes, PushDistribution), "a PushDistribution")
@@ -295,13 +304,15 @@ EVERY_KIND = replace(
     timesteps=5_000_000,
 )
 # An action on joints lasts half as long: as many seconds of simulation as `residual` has
-JOINT_RESIDUAL = replace(EVERY_KIND, kind="joint-residual", log_std=-2.5, gamma=0.995, timesteps=10_000_000)
+JOINT_RESIDUAL = replace(
+    EVERY_KIND, kind="joint-residual", gamma=0.995, timesteps=12_000_000, evaluate_every=1_000_000
+)
 # By smaller batches, on pushes like those of hard: they begin as the exact ones of their time, and larger
 # batches did not make them better (docs/notebook/training.md#larger-batches)
 RESIDUAL_ON_HARDWARE = replace(
     RESIDUAL,
     initial="residual",
-    profile="hardware",
+    profile=("hardware",),
     critic=("push", "sensing"),
     value_first=100_000,
     learning_rate=2e-4,
@@ -371,11 +382,11 @@ def file_settings(path: Path) -> TrainingSettings:
 def difference(recipe: TrainingSettings, settings: TrainingSettings) -> str | None:
     """A setting in which a run differs from a recipe, or None; where the recipe says None any value will do.
 
-    A run has settled what its recipe leaves to the environment.
+    A run has settled what its recipe leaves to the environment, and may learn on another device.
     """
     for entry in fields(TrainingSettings):
         asked = getattr(recipe, entry.name)
-        if asked is not None and asked != getattr(settings, entry.name):
+        if asked is not None and entry.name != "device" and asked != getattr(settings, entry.name):
             return entry.name
     return None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
@@ -26,7 +26,7 @@ from ..robots.compiled_robot import compiled_robot
 from ..robots.description import RobotDescription, check_preset, robot_description
 from ..scenario.distribution import PushDistribution
 from ..scenario.push import GRIPPED
-from ..scenario.scenario import Scenario, get_profile
+from ..scenario.scenario import Scenario, get_profiles
 from ..snapshot import Arrays, RobotSnapshot, arrays_of, digest_of, model_digest
 from .core import BIPED, BIPED_LIMITS, BipedCore, biped_settings
 from .floor import tile_places
@@ -53,7 +53,7 @@ class BipedConfig:
     preset: str | None = None  # of the robot's settings and its planner's, by name or file; None: its own
     control_hz: float = 100.0  # planning rate [Hz]; divides the physics rate of 500 Hz
     robot: str | RobotDescription = "biped"  # or the place of another's description, `module:attribute`
-    profile: str = "exact"  # of robots in scenarios that are drawn; one that is given runs as it is
+    profile: str | Sequence[str] = "exact"  # of robots in scenarios that are drawn, one of several alike
     sensing: str | None = None  # in every scenario, above what it says; None: what it says
     arm: str = ""  # policy whose own robot they are, where the preset has one for it
 
@@ -82,7 +82,7 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
         config = replace(config, **changes)
         self.description = robot_description(config.robot)
         body = compiled_robot(self.description)
-        self.profile = get_profile(config.profile).scaled(Similarity.of(body.robot))
+        self.profile = get_profiles(config.profile).scaled(Similarity.of(body.robot))
         preset = self.description.preset if config.preset is None else config.preset
         self.config = replace(config, preset=preset, robot=self.description)
         settings = biped_settings(preset, config.arm).of_robot(body.robot)
@@ -169,7 +169,7 @@ class BipedEnv(GaitEnv):
         preset: str | None = None,
         push_distribution: dict[str, Any] | PushDistribution | None = None,
         robot: str | RobotDescription = "biped",
-        profile: str = "exact",
+        profile: str | Sequence[str] = "exact",
         sensing: str | None = None,
         arm: str = "",
     ):
@@ -183,7 +183,8 @@ class BipedEnv(GaitEnv):
             push_distribution: of the scenarios that `reset` draws, as an object or its dict.
             robot: another one than the biped: see `BipedConfig`.
             profile: of the robots in scenarios that `reset` draws: "exact", as the planner takes them to be,
-                or "hardware", with its own sensors, losses, delay, collisions and finer physics.
+                or "hardware", with its own sensors, losses, delay, collisions and finer physics; of several
+                each scenario draws one.
             sensing: what planner and control act on in every scenario, the true state ("exact") or what the
                 robot's own sensors tell ("onboard"); None: what the scenario says.
             arm: the policy that will act, for its own robot where the preset has one (`arms.NAME.biped`).

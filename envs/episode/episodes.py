@@ -34,7 +34,7 @@ from ...controllers.validation import require_integer, require_kind, require_num
 from ..scenario.arrays import Pushes
 from ..scenario.distribution import ScenarioDistribution
 from ..scenario.push import SIDES
-from ..scenario.scenario import EXACT, Profile, Scenario
+from ..scenario.scenario import EXACT, Profile, Profiles, Scenario
 from ..snapshot import Arrays, RobotSnapshot, arrays_of, take_rows
 from . import period_end
 from .recovery import GaitMonitor, uphill_dcm
@@ -102,7 +102,7 @@ class GaitEpisodes(ABC, Generic[C]):
     observation_size: ClassVar[int] = OBSERVATION_SIZE  # of what policies see
     action_size: ClassVar[int] = GAIT_SIZE
     reward_terms: tuple[str, ...] = period_end.REWARD_TERMS
-    profile: Profile = EXACT  # of the robots in scenarios that are drawn
+    profile: Profile | Profiles = EXACT  # of the robots in scenarios that are drawn
     core: C
 
     def __init__(

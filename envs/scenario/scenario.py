@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
@@ -355,7 +355,37 @@ WEIGHED = replace(HARDWARE, name="weighed", mass_within=0.02, trunk_com_within=0
 PROFILES: Mapping[str, Profile] = MappingProxyType({one.name: one for one in (EXACT, HARDWARE, WEIGHED)})
 
 
+@dataclass(frozen=True)
+class Profiles:
+    """Profiles of which the noise seed of each scenario draws one, all equally likely."""
+
+    of: tuple[Profile, ...]
+
+    def applied(self, scenario: Scenario) -> Scenario:
+        """The scenario on a robot of the profile that is drawn, see `Profile.applied`."""
+        index = np.random.default_rng([scenario.noise_seed, len(self.of)]).integers(len(self.of))
+        return self.of[int(index)].applied(scenario)
+
+    def scaled(self, scale: Similarity) -> Profiles:
+        """The same profiles for a robot of another size."""
+        return Profiles(tuple(one.scaled(scale) for one in self.of))
+
+
 def get_profile(name: str) -> Profile:
     """A profile by name; raises UnknownNameError listing the valid ones."""
     require_choice("profile", name, list(PROFILES))
     return PROFILES[name]
+
+
+def get_profiles(names: str | Sequence[str]) -> Profile | Profiles:
+    """A profile by name, or several of which each scenario draws one.
+
+    Raises:
+        UnknownNameError: there is no such profile; lists the valid ones.
+        InvalidValueError: no name at all.
+    """
+    names = (names,) if isinstance(names, str) else tuple(names)
+    if not names:
+        raise InvalidValueError("profile must be at least one name")
+    found = tuple(get_profile(name) for name in names)
+    return found[0] if len(found) == 1 else Profiles(found)

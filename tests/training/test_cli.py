@@ -256,6 +256,8 @@ def test_settings_say_what_is_wrong():
         {"walks": 0},
         {"retries": -1},
         {"target_kl": 0.0},
+        {"device": "gpu"},
+        {"profile": []},
         {"gate": [0.1, 0.0]},
     ):
         with pytest.raises(InvalidValueError, match=next(iter(wrong))):

@@ -24,6 +24,7 @@ from push_recovery.envs.scenario.scenario import (
     Scenario,
     StartOffset,
     get_profile,
+    get_profiles,
 )
 
 TURN = Command(0.3, turn=0.2)
@@ -216,6 +217,27 @@ def test_an_unknown_profile_is_named_with_the_valid_ones():
         get_profile("hardwar")
     with pytest.raises(UnknownNameError, match="profile"):
         gym.make("push_recovery:PushRecovery/Biped-v0", profile="real")
+
+
+def test_of_several_profiles_each_scenario_draws_one():
+    both, scenarios = get_profiles(["exact", "hardware"]), [replace(PUSHED, noise_seed=i) for i in range(400)]
+    assert get_profiles("hardware") is HARDWARE
+    assert get_profiles(["exact"]) is EXACT
+    drawn = [both.applied(one) for one in scenarios]
+    assert drawn == [both.applied(one) for one in scenarios]
+    of = [
+        (EXACT, HARDWARE)[one.sensing == "onboard"].applied(s)
+        for one, s in zip(drawn, scenarios, strict=True)
+    ]
+    assert drawn == of
+    assert 160 < sum(one.sensing == "onboard" for one in drawn) < 240  # 4 standard deviations
+    half = Similarity(mass=0.5)
+    robots = [one.errors.bus_power for one in map(both.scaled(half).applied, scenarios[:20])]
+    assert set(robots) == {None, HARDWARE.scaled(half).errors.bus_power}
+    with pytest.raises(InvalidValueError, match="profile must be at least one name"):
+        get_profiles([])
+    with pytest.raises(UnknownNameError, match="did you mean 'hardware'"):
+        get_profiles(["exact", "hardwar"])
 
 
 @pytest.mark.parametrize("env_id", ["Biped", "BipedResidual"])
