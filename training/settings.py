@@ -327,8 +327,8 @@ JOINT_ON_HARDWARE = replace(
     critic=("push", "schedule", "sensing"),
     value_first=100_000,
     learning_rate=2e-4,
-    timesteps=3_000_000,
-    evaluate_every=1_500_000,
+    timesteps=2_000_000,
+    evaluate_every=1_000_000,
 )
 # Of networks that have no planner to fall back on: the easy ones, too
 ALL_PUSHES = replace(TRAINING_PUSHES, impulse_min=5.0)
