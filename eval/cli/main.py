@@ -216,12 +216,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             code = _exit_code(sys.argv[1:] if argv is None else argv)
     except KeyboardInterrupt:
         code = INTERRUPTED
+    if code != INTERRUPTED:
+        return code  # also of a command that Ctrl-C is the way to end
     if ctrl_c.came and argv is None:
         end_now()  # all is closed, and to take the interpreter down may last as long as the command did
-    if ctrl_c.came or code == INTERRUPTED:
-        print(STOPPED, file=sys.stderr)
-        return INTERRUPTED
-    return code
+    print(STOPPED, file=sys.stderr)
+    return INTERRUPTED
 
 
 def _exit_code(argv: Sequence[str]) -> int:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rich import table
+from rich.cells import cell_len
 from rich.console import Console
 from rich.markup import escape
 
@@ -33,15 +34,49 @@ class Table:
         return f"## {self.title}\n\n{markdown_table(self.columns, self.rows)}{note}"
 
     def print(self) -> None:
-        """Print title and cells on standard output, 160 columns wide where that is no terminal."""
-        shown = table.Table(title=escape(self.title), title_justify="left")  # brackets are units, no markup
-        for index, column in enumerate(self.columns):
-            at_an_end = index in {0, len(self.columns) - 1}
-            shown.add_column(escape(column), overflow="fold" if at_an_end else "ellipsis")
-        for row in self.rows:
-            shown.add_row(*map(escape, row))
+        """Print title and cells on standard output, 160 columns wide where that is no terminal.
+
+        Columns that do not fit beside each other follow below, behind the first one again.
+        """
         console = Console()
-        (console if console.is_terminal else Console(width=160)).print(shown)
+        if not console.is_terminal:
+            console = Console(width=160)
+        widths, last = self._widths(), len(self.columns) - 1
+        whole = [max(map(cell_len, column)) for column in zip(self.columns, *self.rows, strict=True)]
+        fits = len(_side_by_side(whole, console.width)) == 1
+        for number, part in enumerate(_side_by_side(widths, console.width)):
+            title = escape(self.title) if number == 0 else None  # brackets are units, no markup
+            shown = table.Table(title=title, title_justify="left")
+            for index in part:
+                width = None if fits or index == last else widths[index]
+                shown.add_column(escape(self.columns[index]), overflow="fold", width=width)
+            for row in self.rows:
+                shown.add_row(*(escape(row[index]) for index in part))
+            console.print(shown)
+
+    def _widths(self) -> list[int]:
+        """Characters that the columns need: headings and cells of the last column may be broken at spaces."""
+        last = len(self.columns) - 1
+        words = [heading.split() for heading in self.columns]
+        for index, found in enumerate(words):
+            cells = [row[index] for row in self.rows]
+            found += [word for cell in cells for word in cell.split()] if index == last else cells
+        return [max(map(cell_len, found), default=1) for found in words]
+
+
+PADDING = 3  # of a column, its line included
+
+
+def _side_by_side(widths: Sequence[int], most: int) -> list[list[int]]:
+    """Columns of the tables that are as wide as `most` allows; each of them begins with the first column."""
+    parts, used = [[0]], 1 + widths[0] + PADDING
+    for index, width in enumerate(widths[1:], start=1):
+        if used + width + PADDING > most and len(parts[-1]) > 1:
+            parts.append([0])
+            used = 1 + widths[0] + PADDING
+        parts[-1].append(index)
+        used += width + PADDING
+    return parts
 
 
 def markdown_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

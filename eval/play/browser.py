@@ -4,6 +4,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib.util import find_spec
 from typing import Any
 
@@ -305,7 +306,8 @@ def play(
     try:
         print(f"the robot walks at {gate.address(app.server.get_port())}", flush=True)
         print("drag it and let go, or press space; Ctrl-C ends", flush=True)
-        app.run()
+        with suppress(KeyboardInterrupt):  # the way to end it, and no error
+            app.run()
     finally:
         app.server.stop()
         session.close()

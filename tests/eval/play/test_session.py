@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.eval.cli.main import main
+from push_recovery.eval.play import browser
 from push_recovery.eval.play import session as play
 from push_recovery.eval.play.session import IMPULSE_MAX, Session, dragged_impulse, floor_impulse, status_words
 from push_recovery.eval.record.record import record
@@ -342,3 +344,16 @@ def test_words_tell_of_the_push_and_of_the_limits_it_meets(session):
 def test_a_robot_that_is_no_biped_is_refused():
     with pytest.raises(InvalidValueError, match="only bipeds"):
         Session("PushRecovery/Pendulum-v0", "two-stage")
+
+
+def test_ctrl_c_is_the_way_to_end_a_play_and_no_error(monkeypatch, capsys):
+    pytest.importorskip("viser")
+
+    def interrupted(app):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(browser.App, "run", interrupted)
+    assert main(["play", "--port", "0"]) == 0
+    told = capsys.readouterr()
+    assert "drag it and let go, or press space; Ctrl-C ends" in told.out.splitlines()
+    assert "error" not in told.err
