@@ -118,17 +118,22 @@ def brief_measures(row: Row) -> str:
 def effort_summary(evaluation: Evaluation) -> tuple[int, dict[str, dict[str, float | None]]]:
     """How many pushes all policies recover from, and medians over them by policy, in the rows' own units.
 
-    None where no row has a measure, as of a pendulum's motors.
+    A policy that recovers from none stands aside. None where no row has a measure, as of a pendulum's motors.
     """
-    together = [pair for pair in evaluation.by_scenario() if all(row["recovered"] for row in pair[1])]
+    able = [place for place, rows in enumerate(evaluation.rows.values()) if any(r["recovered"] for r in rows)]
+    together = [
+        pair for pair in evaluation.by_scenario() if all(pair[1][place]["recovered"] for place in able)
+    ]
     found: dict[str, dict[str, float | None]] = {policy: {} for policy in evaluation.rows}
     for place, summary in enumerate(found.values()):
         for name in shown_measures():
-            free = ((scenario, rows) for scenario, rows in together if scenario.duration is None)
+            free = (
+                (scenario, rows) for scenario, rows in together if scenario.duration is None and place in able
+            )
             values = (measure_of(name, rows[place], scenario) for scenario, rows in free)
             known = [value for value in values if value is not None]
             summary[name] = statistics.median(known) if known else None
-    return len(together), found
+    return len(together) if able else 0, found
 
 
 def effort_table(evaluation: Evaluation) -> Table:
@@ -143,7 +148,9 @@ def effort_table(evaluation: Evaluation) -> Table:
         (policy, *(measure.text(one[name]) for name, measure in shown.items()))
         for policy, one in (summary.items() if measured else ())
     ]
-    note = f"Medians over the {pushes} that every policy recovers from; docs/evaluation.md says what each is."
+    none = [policy for policy, rows in evaluation.rows.items() if not any(row["recovered"] for row in rows)]
+    but = f" but {', '.join(none)} (which recovers from none)" if none else ""
+    note = f"Medians over the {pushes} that every policy{but} recovers from; docs/evaluation.md says more."
     return Table("Effort", ("policy", *headings), lines, note)
 
 

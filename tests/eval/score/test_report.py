@@ -62,6 +62,20 @@ def test_medians_are_over_the_pushes_that_all_policies_recover_from():
     assert "2 of 3 pushes" in table.note
 
 
+def test_a_policy_that_recovers_from_nothing_hides_no_medians_of_the_others():
+    found = three(
+        p=[row(4.0, 1000.0), row(5.0, 9000.0), row(None, 1.0)],
+        lost=[row(None, 5.0)] * 3,
+        q=[row(5.5, 2000.0)] * 3,
+    )
+    together, summary = report.effort_summary(found)
+    assert (together, summary["p"]["energy"], summary["q"]["energy"]) == (2, 5000.0, 2000.0)
+    assert set(summary["lost"].values()) == {None}
+    assert "2 of 3 pushes that every policy but lost (which recovers from none) recovers" in (
+        report.effort_table(found).note
+    )
+
+
 def test_a_new_measure_is_one_entry(monkeypatch):
     lasted = report.Measure(None, "lasted", "ms", 0, 1e3, value=lambda row, scenario: row["end_time"])
     monkeypatch.setitem(report.MEASURES, "lasted", lasted)
