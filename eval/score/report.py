@@ -244,7 +244,8 @@ def origin_columns(evaluation: Evaluation) -> tuple[dict[str, dict[str, str]], s
     How much search or training found a policy, and how many joints one drives that acts on all of them; a
     column of which nothing is known is left out.
     """
-    sources = {name: str(rows[0].get("policy", name)) for name, rows in evaluation.rows.items()}
+    of_rows = {name: {str(row.get("policy", name)) for row in rows} for name, rows in evaluation.rows.items()}
+    sources = {name: next(iter(found)) if len(found) == 1 else name for name, found in of_rows.items()}
     trials = stated_trials(evaluation.env_id) if set(sources.values()) & set(ARMS) else {}
     search = {name: search_words(source, trials) for name, source in sources.items()}
     driven = {name: driven_joints(rows) for name, rows in evaluation.rows.items()}

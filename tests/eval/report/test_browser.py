@@ -71,7 +71,7 @@ def test_the_widest_rows_of_the_package_are_not_cut(browser, evaluation, tmp_pat
     page = browser.new_context(viewport={"width": DESK, "height": 800}).new_page()
     page.set_default_timeout(PATIENCE)
     page.goto(path.as_uri())
-    assert page.locator("#rates td", has_text="10.0 M actions, quick, hard").count() == 2
+    assert page.locator("#rates td", has_text="12.0 M actions, quick, hard").count() == 2
     assert page.locator("#rates th", has_text="turned").count() == 2
     assert page.evaluate("document.documentElement.scrollWidth") <= DESK
     page.close()

@@ -182,9 +182,18 @@ def test_how_much_search_found_a_policy_is_a_column_where_it_is_known(evaluation
     table = report.rates_table(found)
     assert table.columns[-1] == "found by"
     assert [cells[-1] for cells in table.rows] == [
-        "188 trials", "7 trials", "-", "2.3 M actions", "imitation", "10.0 M actions, quick, hard", "-"
+        "188 trials", "7 trials", "-", "2.3 M actions", "imitation", "12.0 M actions, quick, hard", "-"
     ]  # fmt: skip
     assert "trials of the search" in table.note
+    shipped = replace(found, env_id="PushRecovery/Biped-v0")
+    trials = {"two-stage": 188, "raibert": 69, "stage-1": 16}
+    cells = {name: own for name, *_, own in report.rates_table(shipped).rows}
+    assert {name: cells[name] for name in trials} == {
+        name: f"{count} trials" for name, count in trials.items()
+    }
+    first, *others = found.rows["joint-residual"]
+    mixed = replace(found, rows={"ceiling": [first, *({**row, "policy": "raibert"} for row in others)]})
+    assert report.rates_table(mixed).columns[-1] == "bent"  # rows of several policies come from none of them
     page = headline.rates_table(found)
     assert ([cells[-1] for cells in page.rows], page.columns[-1]) == (
         [row[-1] for row in table.rows],
