@@ -150,7 +150,7 @@ class LearningCurve:
     """One training: the share of the curve's pushes that the policy recovers from, by samples."""
 
     name: str
-    profile: str  # of the robots
+    profile: str  # of the robots, or several joined by "and"
     timesteps: tuple[int, ...]  # learned actions
     recovered: tuple[float, ...]
     pushes: int  # of each point
@@ -166,10 +166,10 @@ def learning_curve(policy: str) -> LearningCurve:
     path = policy_paths(named_file(policy))[1]
     training = training_note(path)
     try:
-        points = training["curve"]
+        points, profile = training["curve"], training["settings"]["profile"]
         return LearningCurve(
             policy,
-            str(training["settings"]["profile"]),
+            profile if isinstance(profile, str) else " and ".join(profile),
             tuple(int(point["timesteps"]) for point in points),
             tuple(float(point["recovered"]) for point in points),
             int(points[0]["scenarios"]),

@@ -28,6 +28,8 @@ def file(tmp_path):
 def test_a_curve_is_what_the_file_tells(file):
     expected = LearningCurve(str(file), "hardware", (0, 1500000), (0.5, 0.75), 40)
     assert learning_curve(str(file)) == expected
+    file.write_text(file.read_text().replace('"hardware"', '["exact", "hardware"]'))
+    assert learning_curve(str(file)).profile == "exact and hardware"
 
 
 @pytest.mark.parametrize(
