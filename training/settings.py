@@ -307,8 +307,7 @@ EVERY_KIND = replace(
 JOINT_RESIDUAL = replace(
     EVERY_KIND, kind="joint-residual", gamma=0.995, timesteps=12_000_000, evaluate_every=1_000_000
 )
-# By smaller batches, on pushes like those of hard: they begin as the exact ones of their time, and larger
-# batches did not make them better (docs/notebook/training.md#larger-batches)
+# By smaller batches, on pushes like those of hard; it began as the exact one of its time
 RESIDUAL_ON_HARDWARE = replace(
     RESIDUAL,
     initial="residual",

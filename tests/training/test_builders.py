@@ -11,10 +11,12 @@ from push_recovery.controllers.errors import InvalidValueError, PushRecoveryErro
 from push_recovery.controllers.policies.learned import NetworkPolicy
 from push_recovery.controllers.policies.mlp import NetworkInputs
 from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.scenario.distribution import PushDistribution
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.envs.wrappers import ActionHold, ResidualAction
 from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.load_policy import load_policy
+from push_recovery.training.builders import make_env, own_episodes
 from push_recovery.training.ppo import FallingRate, PPOAlgorithm
 from push_recovery.training.run import curve_scenarios, train
 from push_recovery.training.settings import LOG_STD, TrainingSettings
@@ -41,6 +43,14 @@ def trained(tmp_path_factory):
         evaluation_scenarios=1,
     )
     return train(settings, tmp_path_factory.mktemp("run") / "run"), settings
+
+
+def test_robots_of_a_run_are_of_all_its_profiles():
+    env = make_env(dataclasses.replace(SMALL, profile=("exact", "hardware")))
+    rng, episodes = np.random.default_rng(0), own_episodes(SMALL, env, 1)
+    drawn = [episodes.drawn(PushDistribution(), rng) for _ in range(40)]
+    assert {scenario.sensing for scenario in drawn} == {"exact", "onboard"}
+    env.close()
 
 
 def short(scenario: Scenario) -> Scenario:

@@ -8,6 +8,7 @@ import os
 import gymnasium as gym
 import numpy as np
 import pytest
+import torch
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.controllers.policies.learned import NetworkPolicy
 from push_recovery.eval.output.rows import Writer
@@ -25,7 +26,7 @@ from push_recovery.training.run import (
     train,
     write_curve,
 )
-from push_recovery.training.settings import TrainingSettings
+from push_recovery.training.settings import TrainingSettings, difference
 
 
 @pytest.fixture
@@ -243,6 +244,23 @@ def test_a_checkpoint_of_other_layers_is_refused(tmp_path, training_run_settings
     with pytest.raises(InvalidValueError, match="does not fit"):
         run.algorithm.restore(load_checkpoint(out).tensors, 256, 5)
     run.close()
+
+
+def test_a_gpu_that_is_not_there_is_refused_and_a_run_may_go_on_elsewhere(
+    tmp_path, training_run_settings, monkeypatch
+):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    on_gpu = dataclasses.replace(training_run_settings, device="cuda:1", timesteps=0)
+    with pytest.raises(InvalidValueError, match="device is 'cuda:1', and torch finds no GPU here; take cpu"):
+        train(on_gpu, tmp_path / "gpu")
+    out = tmp_path / "run"
+    train(dataclasses.replace(training_run_settings, timesteps=0), out)
+    state = find_checkpoints(out)[-1] / "state.json"
+    state.write_text(state.read_text().replace('"device": "cpu"', '"device": "cuda"'))
+    with pytest.raises(InvalidValueError, match="torch finds no GPU"):
+        resume(out)
+    assert resume(out, device="cpu").timesteps == 0
+    assert difference(on_gpu, dataclasses.replace(on_gpu, device="cpu")) is None
 
 
 def test_damaged_and_missing_checkpoints_are_refused(tmp_path, training_run_settings):
