@@ -49,7 +49,7 @@ def test_the_readmes_model_trains_in_a_gate_and_is_scored_on_what_it_was_trained
         "policy = load_policy(model, gym.make('push_recovery:PushRecovery/Biped-v0')).description\n"
         "print(policy.hold, policy.residual.policy, policy.residual.gate)"
     )
-    assert run("-c", model + ask) == "2 two-stage (0.03, 0.1)\n"
+    assert run("-c", model + ask) == "1024 corrections learned from\n2 two-stage (0.03, 0.1)\n"
 
 
 CODE = {  # page -> what its code prints
