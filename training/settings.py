@@ -303,7 +303,8 @@ EVERY_KIND = replace(
     target_kl=0.05,
     timesteps=5_000_000,
 )
-# An action on joints lasts half as long: as many seconds of simulation as `residual` has
+# An action on joints lasts half as long. With less noise than by default it learns half as much
+# (docs/notebook/training.md#more-noise)
 JOINT_RESIDUAL = replace(
     EVERY_KIND, kind="joint-residual", gamma=0.995, timesteps=12_000_000, evaluate_every=1_000_000
 )
