@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -73,7 +73,8 @@ class Play(EnvOptions, PushOptions):
         scenario = self._scenario()
         written = Written(*(None if name is None else Path(name) for name in (self.out, self.log, self.plot)))
         if not any(written):
-            self._play(scenario)
+            with suppress(KeyboardInterrupt):  # the way to end it, and no error
+                self._play(scenario)
             return
         words = show_episode(self.env_id, self.policy, scenario, written)
         paths = "".join(f"; {path}" for path in written if path is not None)

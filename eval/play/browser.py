@@ -4,7 +4,6 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from importlib.util import find_spec
 from typing import Any
 
@@ -306,8 +305,7 @@ def play(
     try:
         print(f"the robot walks at {gate.address(app.server.get_port())}", flush=True)
         print("drag it and let go, or press space; Ctrl-C ends", flush=True)
-        with suppress(KeyboardInterrupt):  # the way to end it, and no error
-            app.run()
+        app.run()
     finally:
         app.server.stop()
         session.close()

@@ -115,14 +115,22 @@ def brief_measures(row: Row) -> str:
     return ", ".join(measure.brief.format(value * measure.factor) for measure, value in pairs)
 
 
+def recovering_from_none(evaluation: Evaluation) -> list[str]:
+    """Policies without a recovery."""
+    return [name for name, rows in evaluation.rows.items() if not any(row["recovered"] for row in rows)]
+
+
 def effort_summary(evaluation: Evaluation) -> tuple[int, dict[str, dict[str, float | None]]]:
     """How many pushes all policies recover from, and medians over them by policy, in the rows' own units.
 
     A policy that recovers from none stands aside. None where no row has a measure, as of a pendulum's motors.
     """
-    able = [place for place, rows in enumerate(evaluation.rows.values()) if any(r["recovered"] for r in rows)]
+    aside = recovering_from_none(evaluation)
+    able = [place for place, name in enumerate(evaluation.rows) if name not in aside]
     together = [
-        pair for pair in evaluation.by_scenario() if all(pair[1][place]["recovered"] for place in able)
+        pair
+        for pair in evaluation.by_scenario()
+        if able and all(pair[1][place]["recovered"] for place in able)
     ]
     found: dict[str, dict[str, float | None]] = {policy: {} for policy in evaluation.rows}
     for place, summary in enumerate(found.values()):
@@ -133,7 +141,7 @@ def effort_summary(evaluation: Evaluation) -> tuple[int, dict[str, dict[str, flo
             values = (measure_of(name, rows[place], scenario) for scenario, rows in free)
             known = [value for value in values if value is not None]
             summary[name] = statistics.median(known) if known else None
-    return len(together) if able else 0, found
+    return len(together), found
 
 
 def effort_table(evaluation: Evaluation) -> Table:
@@ -148,8 +156,8 @@ def effort_table(evaluation: Evaluation) -> Table:
         (policy, *(measure.text(one[name]) for name, measure in shown.items()))
         for policy, one in (summary.items() if measured else ())
     ]
-    none = [policy for policy, rows in evaluation.rows.items() if not any(row["recovered"] for row in rows)]
-    but = f" but {', '.join(none)} (which recovers from none)" if none else ""
+    aside = ", ".join(recovering_from_none(evaluation))
+    but = f" but {aside} (which recovers from none)" if aside else ""
     note = f"Medians over the {pushes} that every policy{but} recovers from; docs/evaluation.md says more."
     return Table("Effort", ("policy", *headings), lines, note)
 
