@@ -17,7 +17,7 @@ from ..controllers.policies.mlp import OBSERVATION, Mlp, Normalisation
 from ..controllers.policies.two_stage import POLICY_NAMES
 from ..envs.wrappers import ActionHold, ResidualAction
 from .builders import find_residual, layers_of
-from .settings import ENV_OF_KIND, TrainingSettings
+from .settings import TrainingSettings, env_of_kind
 
 ACTIVATIONS: dict[type[nn.Module], str] = {nn.Tanh: "tanh", nn.ReLU: "relu"}
 LARGEST = float(np.finfo(np.float32).max)
@@ -156,7 +156,7 @@ def from_sb3(model: Any, env: gym.Env, normalise: VecNormalize | None = None) ->
     env_id = unwrapped.spec.id
     base = None
     if wrapper is not None:  # a residual's policy acts on the environment below
-        env_id = ENV_OF_KIND["residual"].get(env_id, env_id)
+        env_id = env_of_kind("residual", env_id)
         name = getattr(wrapper.policy, "name", None)
         if name not in POLICY_NAMES:
             raise InvalidValueError(

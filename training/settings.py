@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import gymnasium as gym
 import numpy as np
 from tyro.conf import AvoidSubcommands, Positional, Suppress, arg
 
@@ -32,14 +33,9 @@ from .reward import REWARDS
 STARTS = ("push", "reset")
 # Subclasses of `training.algorithm.Algorithm`, or MODULE:CLASS of one, which is imported where it is used
 ALGORITHMS: dict[str, Any] = {"ppo": ".ppo:PPOAlgorithm"}
-# The environment of a kind, in place of another one of the same robot. A residual run wraps the gait
-# environment itself, so that the policy also scores on the plain one.
-ENV_OF_KIND = {
-    "residual": {"PushRecovery/BipedResidual-v0": "PushRecovery/Biped-v0"},
-    "scratch": {},
-    "joint": {"PushRecovery/Biped-v0": "PushRecovery/BipedJoint-v0"},
-    "joint-residual": {"PushRecovery/Biped-v0": "PushRecovery/BipedJointResidual-v0"},
-}
+# What the id of a kind's environment has after the robot's name. A residual run wraps the gait environment
+# itself, so that the policy also scores on the plain one.
+FORM_OF_KIND = {"residual": "", "scratch": "", "joint": "Joint", "joint-residual": "JointResidual"}
 # Initial log-std of the action: of a residual 0.14 of its scale, of joints about 0.2 rad.
 LOG_STD = {"residual": -2.0, "scratch": -1.0, "joint": -1.5, "joint-residual": -1.5}
 # Hard pushes, most of which the planner recovers from
@@ -56,6 +52,15 @@ LATER: dict[str, Any] = {
 # of runs before these settings
 Report = Callable[[int, float | None], None]  # timesteps so far, recovered share of the last 100 episodes
 Widths = Annotated[tuple[int, ...], arg(metavar="N [N ...]")]
+
+
+def env_of_kind(kind: str, env_id: str) -> str:
+    """Id of the form of the same robot in which a kind is trained, where the robot has one; else the id."""
+    if kind == "residual":
+        found = re.sub(r"(?<!Joint)Residual(?=-v\d+$)", "", env_id)
+    else:
+        found = re.sub(r"(?=-v\d+$)", FORM_OF_KIND[kind], env_id)
+    return found if found in gym.registry else env_id
 
 
 @dataclass(frozen=True)
@@ -146,7 +151,7 @@ class TrainingSettings:
     evaluation_scenarios: int = 512  # number of pushes of an evaluation
 
     def __post_init__(self) -> None:
-        require_choice("kind of training", self.kind, tuple(ENV_OF_KIND))
+        require_choice("kind of training", self.kind, tuple(FORM_OF_KIND))
         for name in ("timesteps", "value_first", "retries"):
             require_integer(f"training setting {name}", getattr(self, name))
         counts = ("n_envs", "n_steps", "batch_size", "n_epochs", "checkpoint_every", "evaluate_every",
@@ -195,8 +200,7 @@ class TrainingSettings:
         for name in ("policy_layers", "value_layers"):
             self._set(name, tuple(getattr(self, name)))
             self._check(name, all(isinstance(n, int) and n >= 1 for n in getattr(self, name)), "widths >= 1")
-        env_id = self.env_id.removeprefix("push_recovery:")
-        self._set("env_id", ENV_OF_KIND[self.kind].get(env_id, env_id))
+        self._set("env_id", env_of_kind(self.kind, self.env_id.removeprefix("push_recovery:")))
         if self.kind == "joint-residual" and self.policy != "two-stage":
             raise InvalidValueError(f"a joint residual corrects two-stage, not {self.policy!r}")
         if self.scale is not None:

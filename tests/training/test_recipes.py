@@ -10,7 +10,14 @@ from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.eval.rollout.environments import code_digest
 from push_recovery.eval.rollout.load_policy import NAMES
 from push_recovery.training.run import train
-from push_recovery.training.settings import RECIPES, TrainingSettings, command_of, difference, get_recipe
+from push_recovery.training.settings import (
+    RECIPES,
+    TrainingSettings,
+    command_of,
+    difference,
+    env_of_kind,
+    get_recipe,
+)
 
 
 def test_every_shipped_policy_has_a_recipe_of_its_own():
@@ -34,6 +41,25 @@ def test_a_recipe_is_of_the_kind_that_its_name_says(name):
     assert ("hardware" in RECIPES[name].profile) == name.endswith("-hardware")
     assert ("G1" in RECIPES[name].env_id) == name.endswith("-g1")
     assert command_of(RECIPES[name], "x.json") == f"push-recovery train --recipe {name}"
+
+
+@pytest.mark.parametrize(
+    ("kind", "named", "trained_in"),
+    [
+        ("residual", "BipedResidual", "Biped"),
+        ("residual", "T1Residual", "T1"),
+        ("residual", "G1JointResidual", "G1JointResidual"),  # refused later, by what it acts on
+        ("scratch", "G1", "G1"),
+        ("joint", "Biped", "BipedJoint"),
+        ("joint-residual", "Biped", "BipedJointResidual"),
+        ("joint-residual", "JVRC1", "JVRC1JointResidual"),
+        ("joint-residual", "JVRC1JointResidual", "JVRC1JointResidual"),
+        ("joint-residual", "Pendulum", "Pendulum"),
+    ],
+)
+def test_a_kind_is_trained_in_its_own_form_of_the_robot(kind, named, trained_in):
+    assert env_of_kind(kind, f"PushRecovery/{named}-v0") == f"PushRecovery/{trained_in}-v0"
+    assert env_of_kind(kind, f"their:{named}-v0") == f"their:{named}-v0"
 
 
 def test_what_a_recipe_leaves_open_is_no_difference():
