@@ -136,7 +136,6 @@ class JointRewards(NamedTuple):
 class OnJointsEpisodes(BipedEpisodes):
     """Episodes of n bipeds whose joints are acted on, with a planner below or without."""
 
-    stands = False
     core: Any  # a JointCore
 
     @property
@@ -155,7 +154,7 @@ class JointEpisodes(OnJointsEpisodes):
     """Episodes of n bipeds under joint targets."""
 
     name = "PushRecovery/BipedJoint-v0"
-    walks = has_double_support = False
+    walks = stands = has_double_support = False
     core_of: ClassVar[type[BipedCore]] = JointCore
     core: JointCore
     observation_size: ClassVar[int] = JointCore.observation_size

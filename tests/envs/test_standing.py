@@ -243,6 +243,27 @@ def test_joint_environments_refuse_to_stand():
     env.close()
 
 
+def test_corrections_of_torques_act_in_the_steps_of_a_stander_alone(stage):
+    """On both feet the planner's motion passes bit for bit, under an action of 1 in every entry."""
+    env, policy = stage(BIPED)
+    corrected = gym.make("PushRecovery/BipedJointResidual-v0").unwrapped
+    scenario = pushed(650.0, 0.3)
+    seen, _ = env.reset(options={"scenario": scenario})
+    corrected.reset(options={"scenario": scenario})
+    feet, equal = [], []
+    for _ in range(100):
+        feet.append(seen[0] == ON_BOTH_FEET)
+        seen = env.step(policy.predict(seen)[0])[0]
+        corrected.step(np.ones(14, np.float32))
+        qpos = [one.core.simulations.data[0].qpos for one in (env, corrected)]
+        equal.append(np.array_equal(*qpos))
+    lifts = feet.index(False)
+    assert lifts > 50
+    assert all(equal[:lifts])
+    assert not equal[-1]
+    corrected.close()
+
+
 def test_soles_do_not_stay_turned_by_a_push_beside_the_com(stage):
     """They stay turned by 25 degrees if a sole at its corner is trusted to resist yaw; the robot stoops."""
     env, policy = stage(BIPED)
