@@ -334,6 +334,13 @@ JOINT_ON_HARDWARE = replace(
     timesteps=2_000_000,
     evaluate_every=1_000_000,
 )
+# The same on robots of others; T1's gains come slowest
+JOINT_ON_ROBOT = {
+    f"joint-residual-{robot.lower()}": replace(
+        JOINT_RESIDUAL, env_id=f"PushRecovery/{robot}JointResidual-v0", timesteps=timesteps
+    )
+    for robot, timesteps in (("G1", 2_000_000), ("T1", 4_000_000), ("JVRC1", 2_000_000))
+}
 # Of networks that have no planner to fall back on: the easy ones, too
 ALL_PUSHES = replace(TRAINING_PUSHES, impulse_min=5.0)
 # Half on the pelvis, where `hard` has them, the others where the tour's punches bring a G1 down
@@ -355,6 +362,7 @@ RECIPES = {  # in the order of `NAMES` in eval/rollout/load_policy.py
     "joint-residual": JOINT_RESIDUAL,
     "joint-residual-hardware": JOINT_ON_HARDWARE,
     "residual-g1": replace(RESIDUAL, env_id="PushRecovery/G1-v0", pushes=ON_G1),
+    **JOINT_ON_ROBOT,
 }  # fmt: skip
 
 

@@ -37,9 +37,11 @@ def test_a_correction_on_hardware_begins_as_an_exact_one_and_its_critic_sees_the
 
 @pytest.mark.parametrize("name", RECIPES)
 def test_a_recipe_is_of_the_kind_that_its_name_says(name):
-    assert RECIPES[name].kind == re.sub(r"-(hardware|g1)$", "", name)
+    kind, _, robot = re.fullmatch(r"(.*?)(-hardware)?(?:-(g1|t1|jvrc1))?", name).groups()
+    assert RECIPES[name].kind == kind
     assert ("hardware" in RECIPES[name].profile) == name.endswith("-hardware")
-    assert ("G1" in RECIPES[name].env_id) == name.endswith("-g1")
+    form = {"joint": "Joint", "joint-residual": "JointResidual"}.get(kind, "")
+    assert RECIPES[name].env_id == f"PushRecovery/{robot.upper() if robot else 'Biped'}{form}-v0"
     assert command_of(RECIPES[name], "x.json") == f"push-recovery train --recipe {name}"
 
 

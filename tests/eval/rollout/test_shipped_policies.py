@@ -14,7 +14,7 @@ from push_recovery.eval.rollout.policy_source import acting_in
 from push_recovery.training.run import curve_scenarios
 from push_recovery.training.settings import RECIPES, difference, file_settings
 
-BIPED, G1 = "PushRecovery/Biped-v0", "PushRecovery/G1-v0"
+BIPED = "PushRecovery/Biped-v0"
 RESIDUALS = [name for name in shipped_names() if "residual" in name]
 UNPUSHED = [
     Scenario(f"unpushed {vx} {vy}", duration=4.0, command=Command(vx=vx, vy=vy))
@@ -41,7 +41,8 @@ def test_a_policy_was_trained_by_its_recipe_from_a_commit(name):
 
 @pytest.mark.parametrize("name", RESIDUALS)
 def test_a_robot_that_is_not_pushed_walks_as_under_the_planner_bit_for_bit(name):
-    env_id = G1 if name.endswith("-g1") else BIPED
+    robot = re.search("-(g1|t1|jvrc1)$", name)
+    env_id = f"PushRecovery/{robot[1].upper()}-v0" if robot else BIPED
     for drawn in UNPUSHED:
         scenario = drawn.scaled(robot_of(env_id)[1])
         mine, planners = record(name, scenario, env_id), record("two-stage", scenario, env_id)
