@@ -29,6 +29,9 @@ OF_SUITE = OF_ROBOT | {"--suite"}
 OF_PUSH = OF_ROBOT | {
     "--profile", "--duration", "--body", "--vx", "--vy", "--stand", "--replicas", "--replica-seed"
 }  # fmt: skip
+OF_PAGE = {"--policies", "--profile"}  # what a later page of a directory is named after
+ASKED = re.compile('<meta name="command" content="(.*?)">')  # in a page
+LONGEST_STEM = 80
 
 
 @dataclass(frozen=True)
@@ -38,10 +41,22 @@ class Command:
     words: tuple[str, ...]  # its name, and what stands without an option
     options: tuple[tuple[str, tuple[str, ...]], ...] = ()  # as ("--suite", ("quick",))
 
-    @property
-    def page(self) -> str:
-        """Name of the page that answers it; a question about policies by name has a page of its own."""
-        return f"{file_stem('-'.join(self.words))}.html" if len(self.words) > 1 else PAGE
+    def page(self, directory: Path) -> str:
+        """Name of the page that answers it in a directory, where report.html may answer another question.
+
+        A question about policies by name, and one that comes later, has a page of its own.
+        """
+        if len(self.words) > 1:
+            return f"{file_stem('-'.join(self.words))}.html"
+        path = directory / PAGE
+        asked = ASKED.search(path.read_text(encoding="utf-8")) if path.is_file() else None
+        if asked is None or html.unescape(asked[1]) == self.text:
+            return PAGE
+        which = [value for option, values in self.options if option in OF_PAGE for value in values]
+        stem = file_stem("-".join(which))
+        if not 0 < len(stem) <= LONGEST_STEM:
+            stem = hashlib.sha256(self.text.encode()).hexdigest()[:8]
+        return f"report-{stem}.html"
 
     @property
     def text(self) -> str:
@@ -156,9 +171,10 @@ def beside_axis(label: str) -> str:
 
 
 def breaking(label: str) -> Any:
-    """A label as HTML that may break after a hyphen, plus, slash or underscore, and in no word."""
+    """A label as HTML that may break after a hyphen, plus, slash or underscore, and in no word or unit."""
     from markupsafe import Markup, escape
 
+    label = re.sub(r"\[.*?\]| %", lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), label)
     return Markup("<wbr>").join(escape(part) for part in re.findall(r"[^-+/_.:]*[-+/_.:]|[^-+/_.:]+", label))
 
 

@@ -477,6 +477,22 @@ def alone(tmp_path_factory):
     return folder
 
 
+def test_two_policies_leave_the_page_of_others_in_their_directory_alone(tmp_path):
+    pytest.importorskip("jinja2", reason="needs the extra report")
+    assert share("evaluate", tmp_path / "shared", tmp_path) == 0
+    before = (tmp_path / "shared/report.html").read_bytes()
+    words = ["evaluate", "--env", PENDULUM, "--suite", str(tmp_path / "few.json"), "--workers", "1"]
+    words += ["--out", str(tmp_path / "shared"), "--policies"]
+    for policies in (["two-stage", "passive"], ["stage-1", "two-stage"]):  # another question, then the first
+        assert main([*words, *policies]) == 0
+        assert len(list((tmp_path / "shared").glob("*.html"))) == 3  # with the index
+    after = (tmp_path / "shared/report.html").read_text()
+    own = (tmp_path / "shared/report-two-stage-passive.html").read_text()
+    assert "passive" in own
+    assert "passive" not in after
+    assert len(after) == len(before.decode())
+
+
 @pytest.mark.parametrize(("first", "second"), list(permutations(SHARING, 2)))
 def test_no_command_changes_what_another_one_has_left(first, second, alone, tmp_path):
     """Rows may be added, and an index names all pages; a directory of another configuration is refused."""

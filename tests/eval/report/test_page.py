@@ -1,6 +1,8 @@
 """Commands as typed, and that a report's replay is one that `play` understands."""
 
+import re
 import shlex
+from html import escape
 
 from push_recovery.eval.cli.main import parse
 from push_recovery.eval.cli.score import Compare, Evaluate
@@ -20,6 +22,23 @@ def test_a_command_says_what_decides_outcomes_and_is_no_default():
     assert parse("evaluate", shlex.split(trusting.text)[2:]).trust
     compared = command_of("compare", Compare(a="x", b="y", suite="hard"), ("a", "b"))
     assert compared.text == "push-recovery compare x y --suite hard"
+
+
+def test_a_later_question_in_a_directory_has_a_page_of_its_own(tmp_path):
+    seven = command_of(
+        "evaluate", Evaluate(policies=("a", "b's", "runs/c.onnx"), profile=("exact", "weighed"))
+    )
+    assert seven.page(tmp_path) == "report.html"
+    meta = f'<meta name="command" content="{escape(seven.text)}">'
+    (tmp_path / "report.html").write_text(f"<head>{meta}</head>")
+    assert seven.page(tmp_path) == "report.html"
+    two = command_of("evaluate", Evaluate(policies=("a", "d/e.onnx")))
+    assert two.page(tmp_path) == "report-a-d-e.onnx.html"
+    table = command_of("evaluate", Evaluate())
+    assert re.fullmatch(r"report-[0-9a-f]{8}\.html", table.page(tmp_path))
+    many = command_of("evaluate", Evaluate(policies=tuple(f"policy-{k}" for k in range(10))))
+    assert re.fullmatch(r"report-[0-9a-f]{8}\.html", many.page(tmp_path))
+    assert command_of("compare", Compare(a="x", b="y"), ("a", "b")).page(tmp_path) == "compare-x-y.html"
 
 
 def test_a_replay_is_the_same_scenario_for_play():
