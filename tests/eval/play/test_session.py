@@ -307,14 +307,16 @@ def test_a_robot_that_stands_at_rest_walks_when_driven_and_stands_again(standing
     assert standing.first.command == Command(stand=True)
 
 
-def test_a_robot_on_joints_steps_in_place_beside_one_that_stands(standing):
-    standing.put_beside("joint-residual")
+@pytest.mark.parametrize(("name", "stands"), [("joint", False), ("joint-residual", True)])
+def test_a_robot_under_joint_targets_steps_in_place_beside_one_that_stands(standing, name, stands):
+    standing.put_beside(name)
     go(standing, 20)
     standing.push([5.0, 0.0])
     go(standing, 20)
     first, second = standing.lanes
-    assert (first.command.stand, second.command.stand) == (True, False)
-    assert (first.stands, second.stands, play.answer_words(second)) == (True, False, "")
+    assert (first.command.stand, second.command.stand) == (True, stands)
+    assert (first.stands, second.stands) == (True, stands)
+    assert (play.answer_words(second) == "") == (not stands)
 
 
 def test_the_clock_is_followed_at_its_speed(session):
