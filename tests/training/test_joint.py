@@ -21,7 +21,7 @@ from push_recovery.training.vec_env import TrainingRobots
 ENVS = {"joint": "PushRecovery/BipedJoint-v0", "joint-residual": "PushRecovery/BipedJointResidual-v0"}
 SHORT = TrainingSettings(
     kind="joint", timesteps=16, n_envs=2, n_steps=8, policy_layers=(8,), value_layers=(8,),
-    evaluation_scenarios=1, hold=1,
+    evaluation_scenarios=1, hold=1, walks=4,
 )  # fmt: skip
 WALK = Scenario("walk", duration=0.3)
 
