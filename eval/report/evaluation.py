@@ -200,7 +200,7 @@ def write_evaluation_page(
         "manifest": manifest(command, _hashes(evaluations), _seeds(first)),
     }
     env.close()
-    return write_page(directory, "evaluation.html", content, command.page(directory))
+    return write_page(directory, "evaluation.html", content, command)
 
 
 def with_pictures(evaluations: Evaluations, command: Command, directory: Path) -> Path:

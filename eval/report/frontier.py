@@ -223,7 +223,7 @@ def write_frontier_page(frontier: Frontier, command: Command) -> Path:
         "falls": falls_table(found, command),
         "manifest": page.manifest(command, [page.rows_hash(found.directory)], seeds),
     }
-    return page.write_page(found.directory, "frontier.html", content, command.page(found.directory))
+    return page.write_page(found.directory, "frontier.html", content, command)
 
 
 def mean_share(found: Frontier, policy: str) -> float:

@@ -232,10 +232,13 @@ def require_report() -> None:
         raise MissingExtraError("jinja2", "report")
 
 
-def write_page(directory: Path, template: str, content: Mapping[str, Any], name: str = PAGE) -> Path:
+def write_page(
+    directory: Path, template: str, content: Mapping[str, Any], command: Command | None = None
+) -> Path:
     """Write a page from a template, which escapes every text but the SVG of figures; returns its path.
 
-    Where the directory has other pages, index.html names all of them.
+    It is report.html, or what `Command.page` says of a `command`. Where the directory has other pages,
+    index.html names all of them.
 
     Raises:
         MissingExtraError: jinja2 is not installed.
@@ -250,8 +253,9 @@ def write_page(directory: Path, template: str, content: Mapping[str, Any], name:
     )  # fmt: skip
     env.filters["figure"] = Markup  # of to_svg, which escapes its text
     env.filters["breaking"] = breaking
-    path = directory / name
-    write_text(path, env.get_template(template).render(content))
+    path = directory / (PAGE if command is None else command.page(directory))
+    asked = {} if command is None else {"command": command.text}
+    write_text(path, env.get_template(template).render(content, **asked))
     pages = sorted(one.name for one in directory.glob("*.html") if one.name != INDEX)
     if len(pages) > 1:
         titled = {"title": "Pages of these results", "pages": pages}

@@ -132,13 +132,12 @@ def effort_summary(evaluation: Evaluation) -> tuple[int, dict[str, dict[str, flo
         for pair in evaluation.by_scenario()
         if able and all(pair[1][place]["recovered"] for place in able)
     ]
+    free = [(scenario, rows) for scenario, rows in together if scenario.duration is None]
     found: dict[str, dict[str, float | None]] = {policy: {} for policy in evaluation.rows}
     for place, summary in enumerate(found.values()):
         for name in shown_measures():
-            free = (
-                (scenario, rows) for scenario, rows in together if scenario.duration is None and place in able
-            )
-            values = (measure_of(name, rows[place], scenario) for scenario, rows in free)
+            pairs = free if place in able else []
+            values = (measure_of(name, rows[place], scenario) for scenario, rows in pairs)
             known = [value for value in values if value is not None]
             summary[name] = statistics.median(known) if known else None
     return len(together), found
