@@ -99,7 +99,7 @@ def first_rows(parts: type) -> dict[str, int]:
 
 
 def tuple_reader(kind: type) -> Callable[[Any], Any]:
-    """A compiled function that gives an array (n,) as a NamedTuple `kind` of n floats."""
+    """A compiled function that gives an array (n,) as a NamedTuple `kind` of n numbers."""
     count = len(kind._fields)
 
     @njit(cache=True)

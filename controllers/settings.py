@@ -311,14 +311,19 @@ def _parse(text: str | bytes, name: str) -> PresetFile:
     return PresetFile(**{section: content[section] for section in SECTIONS if section in content})
 
 
-def preset_config(preset: str, arm: str = "") -> PlannerConfig:
-    """The planner's settings of a preset, by name or file: of a variant, or those common to all.
+def read_preset(preset: str) -> PresetFile:
+    """What a preset says, by name or file.
 
     Raises:
         UnknownNameError: listing the valid names.
         InvalidValueError: a file that cannot be read or has an impossible value.
     """
-    return load_preset(preset).config(arm) if is_preset_file(preset) else named_preset(preset).config(arm)
+    return load_preset(preset) if is_preset_file(preset) else named_preset(preset)
+
+
+def preset_config(preset: str, arm: str = "") -> PlannerConfig:
+    """The planner's settings of a preset, see `read_preset`: of a variant, or those common to all."""
+    return read_preset(preset).config(arm)
 
 
 def _check_objects(name: str, section: Any, depth: int = 0) -> Values:

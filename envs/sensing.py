@@ -28,7 +28,7 @@ from ..controllers.array_table import COMMON, Floats1, Floats2, Ints1
 from ..controllers.estimation.base_estimate import TILT_AT_FIRST, VELOCITY_AT_FIRST, Estimator, Inertial
 from ..controllers.estimation.observe import Contacts
 from ..controllers.jit import njit
-from ..controllers.math3 import Quaternion, Vector, subtract, vector_in, vector_of
+from ..controllers.math3 import Quaternion, Vector, add, subtract, vector_in, vector_of
 from ..controllers.model.observation import OBSERVATION_SIZE, WORLD_SIZE
 from ..controllers.model.robot import GRAVITY
 from ..controllers.validation import require_choice
@@ -86,6 +86,7 @@ class Sensors(NamedTuple):
     seed: Ints1  # (n,)
     side: Ints1  # (n,) stance side of step 0
     gravity: Floats2  # (n, 3) in the world's axes, tilted on a slope [m/s^2]
+    turn: Floats2  # (n, 3) rate of the floor, in whose axes the robot is told [rad/s]
     before: Floats2  # (n, 3) true velocity of the base at the last reading, world axes [m/s]
     faced: Floats2  # (n, 4) true attitude of the base then
     rate_bias: Floats2  # (n, 3) [rad/s]
@@ -101,7 +102,7 @@ class Sensors(NamedTuple):
 def sensors_of(n: int, settings: SensorSettings, present: Array) -> Sensors:
     """Arrays of n robots; `present` (14,) is 1 for the joints that they have."""
     sizes = {
-        "gravity": 3, "before": 3, "faced": 4, "rate_bias": 3, "rate_scale": 3, "force_bias": 3,
+        "gravity": 3, "turn": 3, "before": 3, "faced": 4, "rate_bias": 3, "rate_scale": 3, "force_bias": 3,
         "force_scale": 3, "offset": NU, "angle": NU, "load": 2, "floor": 3,
     }  # fmt: skip
     numbers = {name: np.zeros((n, size)) for name, size in sizes.items()}
@@ -209,6 +210,9 @@ def read_inertial(sensors: Sensors, k: int, step: int, true: Physics, dt: float)
     now, faced = attitude(true, k), sensors.faced[k]
     turned = math3.product(math3.conjugate((faced[0], faced[1], faced[2], faced[3])), now)
     force, rate = math3.rotated(math3.conjugate(now), felt), math3.scaled(math3.rotation_of(turned), 1.0 / dt)
+    floor = vector_in(sensors.turn, k, 0)
+    if floor != math3.ZERO:
+        rate = add(rate, math3.rotated(math3.conjugate(now), floor))
     keep_attitude(sensors, k, now)
     reading = np.empty(6)
     for i in range(3):
@@ -390,7 +394,7 @@ def begin_onboard(sense: Sense, k: int, physics: Physics, contacts: Contacts, gr
     true_contacts.time[k] = true_contacts.impulse[k] = 0.0
     sensed.observation[k] = 0.0  # a period of no length keeps the push estimate that it finds
     seed, side = sensors.seed.item(k), sensors.side.item(k)
-    sensors.gravity[k] = gravity
+    sensors.gravity[k], sensors.turn[k] = gravity, 0.0
     begin_sensing(sensors, k, true, true_contacts)
     x, y, _ = axial_noise(seed, AT_BEGIN, GUESS_CHANNEL, side)
     level = math3.of_rotation(math3.cross(tuple(gravity / GRAVITY), (0.0, 0.0, -1.0)))

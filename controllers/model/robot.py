@@ -140,6 +140,16 @@ class Similarity:
     velocity = time
 
     @property
+    def rate(self) -> float:
+        """Ratio of a number in rad/s."""
+        return 1.0 / self.time
+
+    @property
+    def angular_acceleration(self) -> float:
+        """Ratio of a number in rad/s^2."""
+        return 1.0 / self.length
+
+    @property
     def impulse(self) -> float:
         """Ratio of a number in N s; a force goes with the mass."""
         return self.mass * self.time

@@ -323,8 +323,8 @@ class BipedCore:
             self._bind()
         if self.body.indices.trunk == self.body.indices.pelvis:
             self.pushes.body[k, self.pushes.body[k] == NUMBERS["trunk"]] = NUMBERS["pelvis"]
-        gravity = self.senses.last.sensors.gravity[k] if self.senses.of(k) else None
-        self._of_laws[k] = assign_laws(self.pushes, k, scenario, self.body, model, data, gravity)
+        sensors = self.senses.last.sensors if self.senses.of(k) else None
+        self._of_laws[k] = assign_laws(self.pushes, k, scenario, self.body, model, data, sensors)
         if scenario.floor_goes:
             self.errors.physical[k] = self.errors.believes[k] = 1
         self.kicks.assign(k, scenario.jumps)

@@ -1,4 +1,4 @@
-"""Pushes that follow a law, in a physics step: contacts with what meets a body, slippery soles, moved floors.
+"""Pushes that follow a law, in a physics step: contacts with what meets a body, slippery and moved floors.
 
 A law's numbers and state are columns of `Pushes`. True places come straight from the robot's simulation.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -15,25 +15,46 @@ import numpy as np
 from ...controllers.array_table import floats_at, ints_at, tuple_reader
 from ...controllers.errors import InvalidValueError
 from ...controllers.jit import njit
-from ...controllers.math3 import ZERO, Vector, add, dot, scaled, subtract, vector_of
-from ...controllers.whole_body.kinematics import Array
+from ...controllers.math3 import ZERO, Vector, add, cross, dot, scaled, subtract, vector_in, vector_of
+from ...controllers.whole_body.kinematics import Array, Ints, Physics
 from ..robots.compiled_robot import CompiledRobot
+from ..robots.indices import pushed_rows
 from ..scenario.arrays import DUE, Pushes
-from ..scenario.push import AT_TOE, BOUND, COUPLED, GRIPPED, MOVED, STAYS, CouplingTerms
+from ..scenario.push import AT_TOE, BOUND, COUPLED, GRIPPED, MOVED, STAYS, TILTED, CouplingTerms
 from ..scenario.scenario import Scenario
+from ..sensing import Sensors
+from ..simulation import ENTRY
 
 # Columns of `Pushes.progress`
 PHASE, PLACE, SPEED, DEPTH, DEEPEST = 0, 1, 2, 3, 4  # of a coupling: s, its rate, d, d_max
 LINE, ORIGIN, ASIDE, DRIFT, BEFORE = 5, 8, 11, 14, 17  # of it, (3,) each
 NOMINAL, LOW = 0, 1  # of a grip: the floor's own friction; 1 while it is lower
 VELOCITY, WAY, GRAVITY = 0, 1, 3  # of a floor: its velocity, unit vector (2,), gravity of its own (3,)
+AXIS, PIVOT = 6, 9  # of one that tilts, besides: its axis, and the point that it turns about, (3,) each
 WAITING, MEETING, OVER = 0.0, 1.0, 2.0  # phases
 # Columns of `Pushes.places`
 COM, AXES = 0, 1  # of the body
 PAIRS, COUNT = 0, 1  # of a sole's contacts with the floor: where the addresses of their frictions are
-FIELD, FELT = 0, 1  # gravity of the simulation, and of the sensors; 0: there are none
+FIELD, FELT, FRAME = 0, 1, 2  # gravity of the simulation, that of the sensors (0: there are none), a `Frame`
+ROBOT = 9  # numbers of a `Frame`, which those of its bodies follow
+
+
+class Frame(NamedTuple):
+    """Addresses of what bodies of a robot in a frame that turns feel inertial forces by, and their count."""
+
+    turn: int  # rate of the frame, for the sensors, (3,); 0: there are none
+    com: int  # of the robot, (3,)
+    place: int  # of MjData: xipos (bodies, 3), ximat (.., 9), cvel (.., 6), xfrc_applied (.., 6)
+    axes: int
+    twist: int
+    force: int
+    mass: int  # of MjModel: (bodies,), (bodies, 3)
+    inertia: int
+    bodies: int  # how many follow: the number of each, and its row in `Physics.xfrc`, -1 where it has none
+
 
 coupling_terms: Callable[[Array], CouplingTerms] = tuple_reader(CouplingTerms)
+frame_terms: Callable[[Ints], Frame] = tuple_reader(Frame)
 
 
 def own_floor(scenario: Scenario, model: mujoco.MjModel | None, common: mujoco.MjModel) -> Any:
@@ -50,7 +71,7 @@ def assign_laws(
     robot: CompiledRobot,
     model: mujoco.MjModel,
     data: mujoco.MjData,
-    gravity: Array | None,
+    sensors: Sensors | None,
 ) -> list[Array]:
     """Give robot k what its laws work by: places of bodies, frictions of soles, gravity.
 
@@ -61,7 +82,7 @@ def assign_laws(
         robot: its description.
         model: of its simulation, its own where a law changes the floor.
         data: of its simulation.
-        gravity: that its sensors take for the true one, (3,); None: it has none.
+        sensors: of all robots that sense as it does; None: it knows its true state.
 
     Returns:
         Arrays that have to live as long as the robot has this scenario.
@@ -70,7 +91,7 @@ def assign_laws(
         InvalidValueError: several laws that move the floor.
     """
     kept = []
-    if np.count_nonzero(pushes.law[k] == MOVED) > 1:
+    if np.isin(pushes.law[k], (MOVED, TILTED)).sum() > 1:
         raise InvalidValueError(f"a floor has one shift at most, got several in scenario {scenario.id!r}")
     for i, push in enumerate(scenario.forces):
         body = robot.indices.pushed[pushes.body[k, i]]
@@ -85,11 +106,27 @@ def assign_laws(
             kept.append(np.array([model.pair_friction[pair].ctypes.data for pair in pairs], np.int64))
             pushes.places[k, i, [PAIRS, COUNT]] = kept[-1].ctypes.data, len(pairs)
             pushes.progress[k, i, NOMINAL] = model.pair_friction[pairs[0], 0]
-        elif pushes.law[k, i] == MOVED:
-            felt = 0 if gravity is None else gravity.ctypes.data
+        elif pushes.law[k, i] in {MOVED, TILTED}:
+            felt = 0 if sensors is None else sensors.gravity[k].ctypes.data
             pushes.places[k, i, [FIELD, FELT]] = model.opt.gravity.ctypes.data, felt
             pushes.progress[k, i, GRAVITY:][:3] = model.opt.gravity
+            if pushes.law[k, i] == TILTED:
+                kept.append(frame_of(k, robot, model, data, sensors))
+                pushes.places[k, i, FRAME] = kept[-1].ctypes.data
     return kept
+
+
+def frame_of(
+    k: int, robot: CompiledRobot, model: mujoco.MjModel, data: mujoco.MjData, sensors: Sensors | None
+) -> Ints:
+    """A `Frame` of robot k, its bodies' numbers and their rows in `Physics.xfrc`, (ROBOT + 2 bodies,)."""
+    root = model.body_rootid[robot.indices.pelvis]
+    bodies = np.flatnonzero((model.body_rootid == root) & (model.body_mass > 0.0)).tolist()
+    row_of = {body: row for row, body in pushed_rows(robot.indices)}
+    fields = data.xipos, data.ximat, data.cvel, data.xfrc_applied, model.body_mass, model.body_inertia
+    turn = 0 if sensors is None else sensors.turn[k].ctypes.data
+    at = [turn, data.subtree_com[root].ctypes.data, *(field.ctypes.data for field in fields), len(bodies)]
+    return np.array([*Frame(*at), *bodies, *(row_of.get(body, -1) for body in bodies)], np.int64)
 
 
 def sole_pairs(model: mujoco.MjModel, sole: str) -> list[int]:
@@ -143,6 +180,15 @@ def way_speed(t: float, travel: float, fastest: float, acceleration: float) -> f
         return 0.0
     end = travel / top + top / acceleration
     return max(min(top, acceleration * t, acceleration * (end - t)), 0.0)
+
+
+@njit(cache=True)
+def way_gone(t: float, travel: float, fastest: float, acceleration: float) -> float:
+    """Integral of `way_speed` up to t [m]."""
+    top = min(fastest, np.sqrt(travel * acceleration))
+    if top == 0.0:
+        return 0.0
+    return top * ramp_time(t, travel / top + top / acceleration, top / acceleration)
 
 
 @njit(cache=True)
@@ -243,8 +289,8 @@ def hold_aside(row: Array, c: CouplingTerms, point: Vector, before: float, dt: f
 
 
 @njit(cache=True)
-def move_floor(pushes: Pushes, k: int, i: int, now: float, dt: float, heading: float) -> None:
-    """Let a law of the floor act from the end of the coming physics step on.
+def move_floor(pushes: Pushes, k: int, i: int, now: float, dt: float, heading: float, phys: Physics) -> None:
+    """Let a law of the floor act from the end of the coming physics step on, forces of a turn in that step.
 
     Contacts and gravity of a step are those that the one before it has left.
     """
@@ -264,6 +310,10 @@ def move_floor(pushes: Pushes, k: int, i: int, now: float, dt: float, heading: f
         floats_at(places[FELT], 3)[:] = field
     if since < -DUE:
         return
+    if pushes.law[k, i] == TILTED:
+        if since < pushes.duration[k, i] + 2.0 * dt:  # until all is as it was
+            tilt_floor(pushes, k, i, since, dt, heading, phys)
+        return
     direction, travel, fastest, acceleration = pushes.terms[k, i, :4]
     if row[WAY] == 0.0 and row[WAY + 1] == 0.0:
         row[WAY], row[WAY + 1] = np.cos(heading + direction), np.sin(heading + direction)
@@ -272,3 +322,82 @@ def move_floor(pushes: Pushes, k: int, i: int, now: float, dt: float, heading: f
     row[VELOCITY] = speed
     field[0] = row[GRAVITY] - gain * row[WAY]
     field[1] = row[GRAVITY + 1] - gain * row[WAY + 1]
+
+
+@njit(cache=True)
+def tilt_floor(
+    pushes: Pushes, k: int, i: int, since: float, dt: float, heading: float, phys: Physics
+) -> None:
+    """Turn gravity against a floor that tilts, and add the forces that bodies feel in its axes, `FloorTilt`.
+
+    `since` is how long it has gone on at the end of the coming physics step [s].
+    """
+    row, places, terms = pushes.progress[k, i], pushes.places[k, i], pushes.terms[k, i]
+    frame = frame_terms(ints_at(places[FRAME], ROBOT))
+    if row[AXIS] == 0.0 and row[AXIS + 1] == 0.0:
+        com, along = floats_at(frame.com, 3), heading + terms[0]
+        put_vector(row, AXIS, (-np.sin(along), np.cos(along), 0.0))
+        put_vector(row, PIVOT, (com[0], com[1], 0.0))
+    axis, pivot = vector_of(row, AXIS), vector_of(row, PIVOT)
+    angle, fastest, acceleration, back = terms[1], terms[2], terms[3], terms[4]
+    rate = way_speed(since, angle, fastest, acceleration)
+    rate -= way_speed(since - back, angle, fastest, acceleration)
+    omega, alpha = scaled(axis, 0.5 * (row[VELOCITY] + rate)), scaled(axis, (rate - row[VELOCITY]) / dt)
+    row[VELOCITY] = rate
+    middle = since + 0.5 * dt  # of the step that has this gravity
+    tilted = way_gone(middle, angle, fastest, acceleration)
+    tilted -= way_gone(middle - back, angle, fastest, acceleration)
+    put_vector(floats_at(places[FIELD], 3), 0, turned(vector_of(row, GRAVITY), axis, -tilted))
+    table = ints_at(places[FRAME], ROBOT + 2 * frame.bodies)
+    for b in range(frame.bodies):
+        body, at = table[ROBOT + b], table[ROBOT + frame.bodies + b]
+        force, torque = inertial_load(frame, body, pivot, omega, alpha)
+        own = floats_at(frame.force + 6 * ENTRY * body, 6)  # where there is a row, it is written over
+        for a in range(3):
+            own[a], own[3 + a] = force[a], torque[a]
+            if at >= 0:
+                phys.xfrc[k, at, a] += force[a]
+                phys.xfrc[k, at, 3 + a] += torque[a]
+    if frame.turn != 0:
+        place, velocity = subtract(vector_in(phys.qpos, k, 0), pivot), vector_in(phys.qvel, k, 0)
+        felt = floats_at(places[FELT], 3)
+        put_vector(floats_at(frame.turn, 3), 0, omega)
+        put_vector(felt, 0, add(vector_of(felt, 0), inertial_field(place, velocity, omega, alpha)))
+
+
+@njit(cache=True)
+def turned(a: Vector, axis: Vector, angle: float) -> Vector:
+    """A vector turned about a unit axis (Rodrigues)."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return add(add(scaled(a, cos), scaled(cross(axis, a), sin)), scaled(axis, dot(axis, a) * (1.0 - cos)))
+
+
+@njit(cache=True)
+def inertial_field(place: Vector, velocity: Vector, omega: Vector, alpha: Vector) -> Vector:
+    """Acceleration that a point feels in a frame that turns: Euler's, centrifugal, Coriolis [m/s^2]."""
+    half = add(scaled(cross(omega, place), 0.5), velocity)
+    return scaled(add(cross(alpha, place), scaled(cross(omega, half), 2.0)), -1.0)
+
+
+@njit(cache=True)
+def inertial_load(
+    frame: Frame, body: int, pivot: Vector, omega: Vector, alpha: Vector
+) -> tuple[Vector, Vector]:
+    """Force at its CoM and torque that a body feels in a frame that turns about a pivot [N], [N m]."""
+    place, com = vector_of(floats_at(frame.place + 3 * ENTRY * body, 3), 0), floats_at(frame.com, 3)
+    twist = floats_at(frame.twist + 6 * ENTRY * body, 6)  # angular, and linear at the robot's CoM
+    spin = vector_of(twist, 0)
+    velocity = add(vector_of(twist, 3), cross(spin, subtract(place, vector_of(com, 0))))
+    mass = floats_at(frame.mass + ENTRY * body, 1)[0]
+    force = scaled(inertial_field(subtract(place, pivot), velocity, omega, alpha), mass)
+    axes = floats_at(frame.axes + 9 * ENTRY * body, 9)
+    inertia = floats_at(frame.inertia + 3 * ENTRY * body, 3)
+    half = 0.5 * (inertia[0] + inertia[1] + inertia[2])
+    torque = ZERO
+    for j in range(3):  # along the principal axes
+        line = axes[j], axes[3 + j], axes[6 + j]
+        along = dot(line, omega)
+        torque = add(torque, scaled(line, inertia[j] * dot(line, alpha)))
+        torque = add(torque, scaled(cross(omega, line), inertia[j] * along))
+        torque = add(torque, scaled(cross(line, spin), 2.0 * (half - inertia[j]) * along))
+    return force, scaled(torque, -1.0)

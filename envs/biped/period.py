@@ -385,7 +385,7 @@ def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -
     for i in range(pushes.start.shape[1]):
         law = pushes.law[k, i]
         if law >= GRIPPED:
-            move_floor(pushes, k, i, now, dt, gait.heading[k])
+            move_floor(pushes, k, i, now, dt, gait.heading[k], phys)
             continue
         if law == COUPLED:
             acts = couple(pushes, k, i, now, dt, mean)

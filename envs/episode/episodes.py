@@ -282,8 +282,7 @@ class GaitEpisodes(ABC, Generic[C]):
         commands = scenario.command, *(change.command for change in scenario.changes)
         if not self.stands and any(command.stand for command in commands):
             raise InvalidValueError(
-                f"{self.name} does not stand, only environments of a gait do: Command.stand must be False in "
-                f"scenario {scenario.id!r}"
+                f"{self.name} does not stand: Command.stand must be False in scenario {scenario.id!r}"
             )
         self.both_feet = self.both_feet or any(command.stand for command in commands)
         self._scenarios[k] = scenario

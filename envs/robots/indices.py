@@ -220,12 +220,9 @@ Pairs = list[tuple[int, int]]
 
 def inputs(indices: Indices) -> tuple[Field, ...]:
     """Torques, at last those of held joints that are driven, and forces on the bodies that pushes act on."""
-    pushed = _pushed_rows(indices)
-    count = 1 + max(row for row, _ in pushed)
-    if indices.trunk == indices.pelvis:  # `BipedCore.reset` turns its pushes into the pelvis'
-        pushed.remove((kinematics.TRUNK, indices.trunk))
+    count = 1 + max(row for row, _ in _pushed_rows(indices))
     motors = (*indices.motors, *indices.held_motors)
-    return picked("ctrl", (len(motors),), known(motors)), rows("xfrc_applied", count, 6, pushed)
+    return picked("ctrl", (len(motors),), known(motors)), rows("xfrc_applied", count, 6, pushed_rows(indices))
 
 
 def outputs(model: mujoco.MjModel, indices: Indices) -> tuple[Field, ...]:
@@ -250,6 +247,14 @@ def outputs(model: mujoco.MjModel, indices: Indices) -> tuple[Field, ...]:
         picked("sensordata", (len(indices.loads),), known(indices.loads)),
         picked("qfrc_constraint", (len(indices.dof),), known(indices.dof)),
     )
+
+
+def pushed_rows(indices: Indices) -> Pairs:
+    """(row of `Physics.xfrc`, body) of every body that forces are written for."""
+    pushed = _pushed_rows(indices)
+    if indices.trunk == indices.pelvis:  # `BipedCore.assign` turns its pushes into the pelvis'
+        pushed.remove((kinematics.TRUNK, indices.trunk))
+    return pushed
 
 
 def _pushed_rows(indices: Indices) -> Pairs:

@@ -25,6 +25,7 @@ from .push import (
     Coupling,
     Disturbance,
     FloorShift,
+    FloorTilt,
     GaitEvent,
     Grip,
     Push,
@@ -43,8 +44,8 @@ from .push import (
 from .record import Quantities, Quantity, checked, object_of, resized
 
 __all__ = [
-    "Impactor", "Payload", "Platform", "Slip", "SteadyForce", "Trip", "WaistPull", "WeightPull",
-    "read_disturbance",
+    "Impactor", "Payload", "Platform", "Slip", "SteadyForce", "TiltingPlatform", "Trip", "WaistPull",
+    "WeightPull", "read_disturbance",
 ]  # fmt: skip
 
 CENTRE: Vector = (0.0, 0.0, 0.0)
@@ -464,3 +465,38 @@ class Platform(Apparatus):
         """One without a force."""
         way = Shift(self.travel, self.fastest, self.acceleration)
         return (Push(CENTRE, way.duration, self.start, law=FloorShift(self.direction, *way)),)
+
+
+@register_disturbance
+@dataclass(frozen=True)
+class TiltingPlatform(Apparatus):
+    """The floor tilts by an angle under the robot, stays so for `hold`, and tilts back.
+
+    Both ways are evenly accelerated and slowed down, at most at `fastest`, about a level axis through the
+    point of the floor under the robot's CoM. All is told in the floor's axes, with the inertial forces of a
+    frame that turns (`FloorTilt`). Neither planner nor control knows of it. There is no nominal impulse.
+    """
+
+    json_name = "tilting platform"
+    quantities: ClassVar[Quantities] = {
+        "angle": Quantity("rad", 1e-3, 0.5),
+        "fastest": Quantity("rad/s", 1e-3, 10.0, "rate"),
+        "direction": ANGLE,
+        "hold": Quantity("s", 0.0, DURATION_MAX, "time"),
+        "acceleration": Quantity("rad/s^2", 0.01, 500.0, "angular_acceleration"),
+    }
+
+    angle: float  # [rad]
+    fastest: float  # [rad/s]
+    start: float | GaitEvent  # since reset [s]
+    direction: float = 0.0  # to which the floor goes down: 0 lowers the toes [rad]
+    hold: float = 0.5  # between the way there and the way back [s]
+    acceleration: float = 10.0  # and deceleration [rad/s^2]
+
+    @property
+    def forces(self) -> tuple[Push, ...]:
+        """One without a nominal force, there and back."""
+        way = Shift(self.angle, self.fastest, self.acceleration)
+        back = way.duration + self.hold
+        law = FloorTilt(self.direction, *way, back)
+        return (Push(CENTRE, back + way.duration, self.start, law=law),)

@@ -142,6 +142,7 @@ class Law(JsonRecord, ABC):
     left_out = None
     number: ClassVar[int]
     moves_floor: ClassVar[bool] = False  # whether it changes the floor, in a model of the robot's own
+    accelerates: ClassVar[bool] = False  # whether the floor accelerates, of which control knows nothing
     quantities: ClassVar[Quantities]
 
     def __post_init__(self) -> None:
@@ -173,7 +174,7 @@ class Law(JsonRecord, ABC):
 
 
 LAWS: Kinds[Law] = Kinds("law of a push")
-RAMPED, COUPLED, GRIPPED, MOVED = 1, 2, 3, 4  # numbers of laws; 0: a constant force
+RAMPED, COUPLED, GRIPPED, MOVED, TILTED = 1, 2, 3, 4, 5  # numbers of laws; 0: a constant force
 
 
 @LAWS.register
@@ -333,7 +334,7 @@ class FloorShift(Law):
     does not turn.
     """
 
-    json_name, number, moves_floor = "floor shift", MOVED, True
+    json_name, number, moves_floor, accelerates = "floor shift", MOVED, True, True
     quantities: ClassVar[Quantities] = {
         "direction": Quantity("rad", -math.inf, math.inf),
         "travel": Quantity("m", 0.0, 10.0, "length"),
@@ -353,6 +354,44 @@ class FloorShift(Law):
 
     def mirrored(self) -> FloorShift:
         """It goes to the other side."""
+        return replace(self, direction=0.0 - self.direction)
+
+
+@LAWS.register
+@dataclass(frozen=True)
+class FloorTilt(Law):
+    """No force on a body by name: the floor turns by an angle phi about a level axis n, and later back.
+
+    All is told in the axes of the floor, which turn at omega = phi' n about the point of the floor that is
+    under the robot's CoM when the law begins. So gravity is R(-phi n) g, and each body of mass m, inertia I
+    and S = tr(I) / 2 - I, r from that point, with the velocity v and the angular velocity w, also feels
+
+        F = -m (omega' x r + omega x (omega x r) + 2 omega x v)
+        M = -(I omega' + omega x I omega + 2 (S omega) x w)
+    """
+
+    json_name, number, moves_floor, accelerates = "floor tilt", TILTED, True, True
+    quantities: ClassVar[Quantities] = {
+        "direction": Quantity("rad", -math.inf, math.inf),
+        "angle": Quantity("rad", 0.0, 1.0),
+        "fastest": Quantity("rad/s", 1e-3, 10.0, "rate"),
+        "acceleration": Quantity("rad/s^2", 1e-3, 1000.0, "angular_acceleration"),
+        "back": Quantity("s", 0.0, DURATION_MAX, "time"),
+    }
+
+    direction: float  # to which the floor goes down, from the robot's forward at its start [rad]
+    angle: float  # [rad]
+    fastest: float  # [rad/s]
+    acceleration: float  # and deceleration [rad/s^2]
+    back: float  # from the start until it begins to turn back [s]
+
+    @property
+    def terms(self) -> tuple[float, ...]:
+        """Direction, the way, and when it goes back."""
+        return self.direction, self.angle, self.fastest, self.acceleration, self.back
+
+    def mirrored(self) -> FloorTilt:
+        """It goes down to the other side."""
         return replace(self, direction=0.0 - self.direction)
 
 

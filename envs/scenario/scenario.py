@@ -23,7 +23,7 @@ from ...controllers.validation import (
 )
 from .disturbances import read_disturbance
 from .model_errors import EXACT_MODEL, PLAIN_PHYSICS, ModelErrors, PhysicsOptions
-from .push import SIDES, Disturbance, FloorShift, Kick, Push, Side, other_side
+from .push import SIDES, Disturbance, Kick, Push, Side, other_side
 from .record import JsonRecord, object_of
 
 FASTEST_TURN = 0.6  # [rad/s]
@@ -209,8 +209,8 @@ class Scenario(JsonRecord):
 
     @property
     def floor_goes(self) -> bool:
-        """Whether the floor moves, of which control knows nothing."""
-        return any(isinstance(push.law, FloorShift) for push in self.forces)
+        """Whether the floor accelerates, of which control knows nothing."""
+        return any(push.law is not None and push.law.accelerates for push in self.forces)
 
     def end_time(self, last_push_end: float) -> float:
         """Time at which the episode is truncated [s].

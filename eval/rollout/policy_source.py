@@ -17,7 +17,7 @@ from ...controllers.errors import InvalidValueError, PushRecoveryError
 from ...controllers.files import read_file
 from ...controllers.policies.interface import Policy
 from ...controllers.policies.learned import policy_paths
-from ...controllers.settings import ARMS, is_preset_file, load_preset, named_preset
+from ...controllers.settings import ARMS, read_preset
 from ...envs.scenario.scenario import Scenario
 from .. import sampling_mpc
 from ..output import progress, rows
@@ -101,7 +101,7 @@ def stated_trials(env_id: str) -> Mapping[str, Any]:
     """Trials by planner, as the preset of an environment states them in `found`; nothing if it does not."""
     with suppress(PushRecoveryError), closing(make_env(env_id)) as env:
         preset: str = env.unwrapped.preset  # type: ignore[attr-defined]
-        trials = (load_preset if is_preset_file(preset) else named_preset)(preset).found.get("trials")
+        trials = read_preset(preset).found.get("trials")
         if isinstance(trials, dict):
             return trials
     return {}

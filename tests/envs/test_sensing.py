@@ -89,6 +89,16 @@ def test_perfect_sensors_tell_rate_and_specific_force(true):
     np.testing.assert_allclose(rotated(facing, again.change), [0.0, 0.0, DT * G], atol=1e-15)
 
 
+def test_a_gyro_feels_the_floor_turn_under_it(true):
+    sensors = sensing(true)
+    sensors.turn[0] = 0.3, -0.2, 0.1  # in the axes of the floor, in which the base is told
+    turn(true, 0.4, -0.5, 0.6)
+    told, facing = read_inertial(sensors, 0, 1, true, DT), tuple(true.qpos[0, 3:7])
+    alone = read_inertial(sensing(true), 0, 1, true, DT)
+    np.testing.assert_allclose(alone.rate, 0.0, atol=1e-12)
+    np.testing.assert_allclose(rotated(facing, np.subtract(told.rate, (0.4, -0.5, 0.6))), (0.3, -0.2, 0.1))
+
+
 def test_readings_end_at_the_range(true):
     true.qpos[0, 3:7], true.qvel[0] = (1.0, 0.0, 0.0, 0.0), 0.0
     sensors = sensing(true)

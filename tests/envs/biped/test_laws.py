@@ -26,6 +26,7 @@ from push_recovery.envs.scenario.disturbances import (
     Platform,
     Slip,
     SteadyForce,
+    TiltingPlatform,
     Trip,
     WaistPull,
     WeightPull,
@@ -328,6 +329,109 @@ def test_a_floor_that_moves_leaves_what_flies_behind():
     assert np.array_equal(core.simulations.models[0].opt.gravity, core.simulations.models[1].opt.gravity)
 
 
+def at_rest(core, turn: np.ndarray, omega: np.ndarray, pivot: np.ndarray) -> tuple[np.ndarray, ...]:
+    """CoM, velocity and spin about the CoM of a robot in axes at rest, those of a floor turned by `turn`."""
+    model, data = core.simulations.models[0], core.simulations.data[0]
+    mujoco.mj_subtreeVel(model, data)
+    com, velocity, spin = (getattr(data, f"subtree_{name}")[0] for name in ("com", "linvel", "angmom"))
+    inertia = np.zeros((3, 3))
+    for body in range(1, model.nbody):
+        axes, away = data.ximat[body].reshape(3, 3), data.xipos[body] - com
+        inertia += axes @ np.diag(model.body_inertia[body]) @ axes.T
+        inertia += model.body_mass[body] * (away @ away * np.eye(3) - np.outer(away, away))
+    carried = np.cross(omega, com - pivot)
+    return pivot + turn @ (com - pivot), turn @ (velocity + carried), turn @ (spin + inertia @ omega)
+
+
+def rotation(vector: np.ndarray) -> np.ndarray:
+    """Matrix of a turn about a vector by its length [rad]."""
+    quaternion, matrix, angle = np.zeros(4), np.zeros(9), float(np.linalg.norm(vector))
+    mujoco.mju_axisAngle2Quat(quaternion, vector / angle if angle else np.eye(3)[0], angle)
+    mujoco.mju_quat2Mat(matrix, quaternion)
+    return matrix.reshape(3, 3)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.06])
+def test_what_flies_over_a_floor_that_tilts_moves_as_newton_says(slope):
+    """In axes at rest its CoM flies a parabola, and its spin about the CoM stays, whatever its joints do.
+
+    The floor goes down towards 0.5 rad, at 2 rad/s once it has been accelerated for 0.1 s.
+    """
+    fastest, acceleration, start, towards = 2.0, 20.0, 0.02, 0.5
+    tilt = TiltingPlatform(0.3, fastest, start, towards, acceleration=acceleration)
+    episodes = BipedEpisodes(1)
+    errors = ModelErrors(slope_forward=slope)
+    episodes.begin(0, Scenario("tilt", disturbances=(tilt,), duration=10.0, physics=FINE, errors=errors))
+    core = episodes.core
+    data = core.simulations.data[0]
+    qpos, qvel = data.qpos.copy(), np.random.default_rng(3).normal(scale=0.7, size=data.qvel.shape)
+    qpos[2] += 0.5
+    qvel[6:] *= 0.1
+    core.put(0, qpos, qvel)
+    axis = np.array([-math.sin(towards), math.cos(towards), 0.0])
+    gravity, seen = core.simulations.models[0].opt.gravity.copy(), []
+    for period in range(1, 16):
+        pivot = core.pushes.progress[0, 0, laws.PIVOT :][:3]
+        if period >= 3:
+            since = 0.01 * (period - 1) - start
+            up = min(since, 0.1)
+            turned = 0.5 * acceleration * up**2 + fastest * (since - up)
+            if period == 3:
+                pivot = data.subtree_com[0] * [1.0, 1.0, 0.0]
+            seen.append(at_rest(core, rotation(turned * axis), acceleration * up * axis, pivot))
+        episodes.step(np.zeros((1, 7), np.float32))
+    assert not episodes.failure().any()
+    (com, velocity, spin), *rest = seen
+    assert np.linalg.norm(spin) > 1.0
+    for t, (com_then, velocity_then, spin_then) in zip(0.01 * np.arange(1, 13), rest, strict=True):
+        assert com_then == pytest.approx(com + velocity * t + 0.5 * gravity * t**2, abs=5e-4)
+        assert velocity_then == pytest.approx(velocity + gravity * t, abs=8e-3)
+        assert spin_then == pytest.approx(spin, abs=0.03)
+
+
+def test_a_floor_has_one_way_to_go():
+    both = TiltingPlatform(0.1, 1.0, 0.02), Platform(0.1, 0.3, 1.0)
+    with pytest.raises(InvalidValueError, match=r"a floor has one shift at most, got several.*'two'"):
+        BipedEpisodes(1).begin(0, Scenario("two", disturbances=both))
+
+
+def test_an_inertial_unit_feels_a_floor_that_tilts_and_afterwards_none():
+    """It reads the acceleration of the base in axes at rest, less gravity, and the floor's rate."""
+    tilt = TiltingPlatform(0.1, 1.0, 0.02, -0.7, hold=0.02, acceleration=20.0)
+    episodes = BipedEpisodes(1)
+    episodes.begin(0, Scenario("tilt", disturbances=(tilt,), duration=10.0, sensing="onboard"))
+    core, seen = episodes.core, []
+    sensors, row = core.senses.last.sensors, core.pushes.progress[0, 0]
+
+    def look() -> None:
+        qpos, qvel = core.simulations.data[0].qpos, core.simulations.data[0].qvel
+        seen.append([*qpos[:3], *qvel[:3], *sensors.gravity[0], *sensors.turn[0]])
+
+    core.after_physics_step = look
+    for _ in range(40):
+        episodes.step(POLICY.predict(core.observation)[0])
+    place, velocity, felt, turn = np.split(np.array(seen), 4, axis=1)
+    axis, pivot = np.array([math.sin(0.7), math.cos(0.7), 0.0]), row[laws.PIVOT :][:3]
+    assert row[laws.AXIS :][:3] == pytest.approx(axis)
+    times = STEP * np.arange(1, len(seen) + 1)
+    rates = np.clip(np.minimum(20.0 * (times - 0.02), 20.0 * (0.17 - times)), 0.0, 1.0)
+    rates -= np.clip(np.minimum(20.0 * (times - 0.19), 20.0 * (0.34 - times)), 0.0, 1.0)
+    between = 0.5 * (np.append(0.0, rates[:-1]) + rates)
+    np.testing.assert_allclose(turn, between[:, None] * axis, atol=1e-9)
+    angles = np.cumsum(STEP * between)
+    absolute = [
+        rotation(angle * axis) @ (v + np.cross(rate * axis, r - pivot))
+        for angle, rate, v, r in zip(angles, rates, velocity, place, strict=True)
+    ]
+    for i in range(1, len(seen)):
+        proper = (absolute[i] - absolute[i - 1]) / STEP - [0.0, 0.0, -GRAVITY]
+        told = (velocity[i] - velocity[i - 1]) / STEP - felt[i]
+        turned = rotation((angles[i] - 0.5 * STEP * between[i]) * axis)
+        assert turned @ told == pytest.approx(proper, abs=0.12)
+    assert np.array_equal(felt[-1], [0.0, 0.0, -GRAVITY])
+    assert not core.simulations.data[0].xfrc_applied.any()
+
+
 @pytest.mark.parametrize("errors", [ModelErrors(), ModelErrors(floor_step=0.005)])
 def test_one_sole_slips_for_a_time_and_no_other_robot_does(errors):
     """Contacts of that sole have the low friction from the start to the end, as MuJoCo has them."""
@@ -417,6 +521,7 @@ KINDS = (
     Trip(GaitEvent(1, "left", 0.3)),
     Payload(4.0, 0.2, 0.31),
     Platform(0.1, 0.3, 0.31, direction=1.0),
+    TiltingPlatform(0.06, 0.5, 0.31, direction=0.8, hold=0.2),
 )
 
 

@@ -13,6 +13,7 @@ from push_recovery.envs.scenario.disturbances import (
     Platform,
     Slip,
     SteadyForce,
+    TiltingPlatform,
     Trip,
     WaistPull,
     WeightPull,
@@ -20,6 +21,7 @@ from push_recovery.envs.scenario.disturbances import (
 from push_recovery.envs.scenario.push import (
     Coupling,
     FloorShift,
+    FloorTilt,
     GaitEvent,
     Grip,
     Push,
@@ -38,8 +40,10 @@ KINDS = (
     Trip(EVENT),
     Payload(5.0, 0.5, 1.0, offset=(0.2, 0.1, 0.0)),
     Platform(0.1, 0.3, 1.0, -0.5),
+    TiltingPlatform(0.1, 0.3, 1.0, -0.5, hold=0.4),
 )
 ALL = Scenario("all", disturbances=KINDS)
+MOTORS = {"waist pull", "platform", "tilting platform"}  # kinds that go no faster than they are told
 
 
 def test_they_are_read_from_json_and_written_again():
@@ -54,6 +58,7 @@ def test_they_are_read_from_json_and_written_again():
         "trip",
         "payload",
         "platform",
+        "tilting platform",
     ]
     short = {
         "kind": "impactor",
@@ -88,7 +93,11 @@ def test_its_pushes_are_mirrored_and_scaled_as_it_is(part):
         assert one.start == (EVENT if other.start == EVENT else pytest.approx(sized.start))
         assert set(one.law.to_dict()) == set(sized.law.to_dict())
         for name, value in one.law.to_dict().items():
-            if name != "fastest" or part.json_name in {"waist pull", "platform"}:  # of no motor it is none's
+            if name != "fastest" or part.json_name in {
+                "waist pull",
+                "platform",
+                "tilting platform",
+            }:  # of no motor it is none's
                 expected = sized.law.to_dict().get(name)
                 assert value == (pytest.approx(expected) if isinstance(value, float) else expected), name
 
@@ -103,13 +112,16 @@ def test_a_robot_of_another_size_meets_the_same_ratios():
     assert hit.momentum == pytest.approx(scale.impulse * KINDS[0].momentum)
     assert KINDS[5].scaled(scale).start == EVENT
     assert KINDS[4].scaled(scale).friction == 0.05
+    tilts = KINDS[8].scaled(scale)
+    assert (tilts.angle, tilts.fastest, tilts.acceleration) == pytest.approx((0.1, 0.3 / 0.8, 10.0 / 0.64))
+    assert tilts.forces[0].duration == pytest.approx(0.8 * (2.0 * (0.1 / 0.3 + 0.3 / 10.0) + 0.4))
 
 
 def test_impulses_by_which_they_are_reported():
     assert math.hypot(*KINDS[0].impulse) == pytest.approx(30.0)  # m v
     assert math.hypot(*KINDS[1].impulse) == pytest.approx(8.0 * 9.81 * 0.5)
     assert math.hypot(*KINDS[3].impulse) == pytest.approx(60.0 * 1.8)
-    assert KINDS[4].impulse == KINDS[7].impulse == (0.0, 0.0, 0.0)
+    assert KINDS[4].impulse == KINDS[7].impulse == KINDS[8].impulse == (0.0, 0.0, 0.0)
     assert KINDS[6].impulse == pytest.approx((0.0, 0.0, -5.0 * math.sqrt(2.0 * 9.81 * 0.5)))
 
 
@@ -152,6 +164,13 @@ BAD = [
     (lambda: Platform(0.1, 0.3, 1.0, acceleration=0.0),
      r"Platform.acceleration \[m/s\^2\] must be in \[0.01, 100\]"),
     (lambda: Platform(3.0, 0.3, 1.0), r"Platform.travel \[m\] must be in \[0.001, 2\], got 3"),
+    (lambda: TiltingPlatform(0.6, 0.3, 1.0),
+     r"TiltingPlatform.angle \[rad\] must be in \[0.001, 0.5\], got 0.6"),
+    (lambda: TiltingPlatform(0.1, 0.0, 1.0),
+     r"TiltingPlatform.fastest \[rad/s\] must be in \[0.001, 10\], got 0"),
+    (lambda: TiltingPlatform(0.1, 0.3, 1.0, hold=-1.0),
+     r"TiltingPlatform.hold \[s\] must be in \[0, 3600\], got -1"),
+    (lambda: FloorTilt(0.0, 2.0, 1.0, 1.0, 1.0), r"FloorTilt.angle \[rad\] must be in \[0, 1\], got 2"),
     (lambda: read_disturbance({"kind": "impact"}), r"kind of disturbance 'impact'.*impactor.*platform"),
     (lambda: read_disturbance({"kind": "slip", "side": "left"}), r"slip lacks duration, friction, start"),
     (lambda: read_disturbance({"kind": "payload", "mass": 1, "height": 1, "start": 1, "color": 1}),
