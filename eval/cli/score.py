@@ -337,11 +337,14 @@ class Reproduce(RunningOptions):
     def run(self) -> None:
         """Reproduce, write everything into the directory, print the tables or the object."""
         from ..report import page as pages
-        from ..reproduction.run import RESULT, TABLES, reproduce, write_reproduction_page
+        from ..reproduction import run
 
         page = None if self.page is None else Path(self.page)
-        found = reproduce(self.section, self.directions, self.processes, self.directory, self.overwrite, page)
+        where = self.processes, self.directory, self.overwrite, page
+        found = run.reproduce(self.section, self.directions, *where)
+        known = run.known_claims(found.content)
         command = pages.command_of("reproduce", self, ("section",))
-        paths = (found.directory / RESULT, found.directory / TABLES, *found.pictures)
-        written = options.page_lines(lambda: write_reproduction_page(found, command))
-        self.show(found.content, found.tables, [*map(str, paths), *written])
+        paths = (found.directory / run.RESULT, found.directory / run.TABLES, *found.pictures)
+        written = options.page_lines(lambda: run.write_reproduction_page(found, command))
+        tables = *found.tables, *([run.claims_table(known)] if known else [])
+        self.show(found.content, tables, [run.verdict(known), *map(str, paths), *written])

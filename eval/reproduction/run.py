@@ -3,7 +3,7 @@
 import base64
 import json
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -112,7 +112,7 @@ def write_reproduction_page(found: Reproduction, command: Command) -> Path:
     Raises:
         MissingExtraError: jinja2 is not installed.
     """
-    known = list(claims(found.content)) if found.content.keys() >= NEEDED else []
+    known = known_claims(found.content)
     content = {
         "title": "The paper's results, measured again",
         "verdict": verdict(known),
@@ -122,6 +122,17 @@ def write_reproduction_page(found: Reproduction, command: Command) -> Path:
         "manifest": manifest(command, [rows_hash(found.directory)], "nothing is random"),
     }
     return write_report(found.directory, "reproduction.html", content)
+
+
+def known_claims(content: Mapping[str, Any]) -> list[Claim]:
+    """The paper's claims held against numbers, where all sections that they are about have run."""
+    return list(claims(dict(content))) if content.keys() >= NEEDED else []
+
+
+def claims_table(known: Sequence[Claim]) -> Table:
+    """Every claim behind its verdict, whose reasons the page has; false where there are none."""
+    rows = [(claim.verdict.partition(":")[0], claim.claim) for claim in known]
+    return _plain("The paper's claims", ("verdict", "claim"), rows, 2)
 
 
 def _plain(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], words: int = 1) -> Table:

@@ -16,7 +16,7 @@ from push_recovery.eval.reproduction.page import (
     page,
     write_page,
 )
-from push_recovery.eval.reproduction.run import pictures, reproduce, verdict
+from push_recovery.eval.reproduction.run import claims_table, known_claims, pictures, reproduce, verdict
 
 CASE = {
     "step_error_before": 0.0,
@@ -132,6 +132,17 @@ def test_the_headline_counts_the_verdicts():
     assert verdict(told) == ("Of 4 claims 2 are reproduced, 1 differ, and 1 cannot be told from the text.")
 
 
+def test_the_terminal_has_every_claim_behind_its_verdict():
+    known = known_claims(CONTENT)
+    table = claims_table(known)
+    assert table.columns == ("verdict", "claim")
+    assert len(table.rows) == len(known) == 14
+    assert {word for word, _ in table.rows} <= {REPRODUCED, DIFFERS, UNSTATED}
+    assert table.rows[0][1].startswith("(a) Step place and time alone do not recover from 315 N")
+    assert not any("`" in cell for row in table.rows for cell in row)
+    assert known_claims({"scenario_1": CONTENT["scenario_1"]}) == []
+
+
 def test_pictures_are_inside_the_page_in_the_papers_order(tmp_path):
     for name in ("fig7_limits.png", "fig3_paths.png", "fig5_motion.gif", "fig7_limits.svg", "other.png"):
         (tmp_path / name).write_bytes(name.encode())
@@ -148,7 +159,9 @@ def test_pictures_are_inside_the_page_in_the_papers_order(tmp_path):
 def test_the_command_writes_its_report(tmp_path, capsys):
     pytest.importorskip("jinja2", reason="needs the extra report")
     assert main(["reproduce", "limits", "--workers", "1", "--out", str(tmp_path)]) == 0
-    assert f"page: {tmp_path / 'report.html'}" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert f"page: {tmp_path / 'report.html'}" in printed
+    assert "One part of the paper; its claims are told where all parts run" in printed
     text = (tmp_path / "report.html").read_text()
     assert "push-recovery reproduce limits" in text
     assert "its claims are told where all parts run" in text
