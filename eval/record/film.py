@@ -348,7 +348,7 @@ def sheet(rows: Sequence[tuple[str, StripCamera]]) -> bytes:
 
 
 FOLDER = "films"  # below the results
-SECONDS = 20.0  # that a film takes, about
+SECONDS = 12.0  # that a film takes, about
 
 
 class Disagreement(NamedTuple):

@@ -91,10 +91,11 @@ def guessed_seconds(
     env_id: str, missing: Mapping[str, Iterable[Scenario]], sources: Sources, workers: int
 ) -> float:
     """Wall seconds for scenarios by label, about, where no robot falls."""
-    return sum(
+    running = sum(
         sources[name].cost * progress.episode_seconds(env_id, scenarios, workers)
         for name, scenarios in missing.items()
     )
+    return running + (progress.BEGINNING if running > 0.0 and workers > 1 else 0.0)
 
 
 def stated_trials(env_id: str) -> Mapping[str, Any]:

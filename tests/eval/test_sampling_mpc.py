@@ -217,4 +217,6 @@ def test_a_run_says_that_it_takes_longer_than_the_planners():
     planners = {"two-stage": [calm]}
     for missing, times in ((planners, 1), ({**planners, "sampling-mpc": [calm] * 2}, 51)):
         guess = guessed_seconds("PushRecovery/Biped-v0", missing, sources, 2)
-        assert guess == pytest.approx(times * alone / 2)
+        assert guess == pytest.approx(8.0 + times * alone / 2)  # 8 s until both processes have begun
+    assert guessed_seconds("PushRecovery/Biped-v0", planners, sources, 1) == pytest.approx(alone)
+    assert guessed_seconds("PushRecovery/Biped-v0", {"two-stage": []}, sources, 2) == 0.0

@@ -395,6 +395,23 @@ def test_a_floor_has_one_way_to_go():
         BipedEpisodes(1).begin(0, Scenario("two", disturbances=both))
 
 
+@pytest.mark.parametrize("sensing", ["exact", "onboard"])
+def test_a_robot_that_begins_anew_is_on_a_floor_at_rest(sensing):
+    """Whatever its last episode was cut off in."""
+    tilt = TiltingPlatform(0.1, 1.0, 0.02)
+    seen = []
+    for first in ((), (tilt,)):
+        episodes = BipedEpisodes(1)
+        episodes.begin(0, Scenario("first", disturbances=first, sensing=sensing))
+        for _ in range(8):
+            episodes.step(POLICY.predict(episodes.core.observation)[0])
+        episodes.begin(0, Scenario("second", sensing=sensing))
+        for _ in range(30):
+            episodes.step(POLICY.predict(episodes.core.observation)[0])
+        seen.append(episodes.core.truth.tobytes())
+    assert seen[0] == seen[1]
+
+
 def test_an_inertial_unit_feels_a_floor_that_tilts_and_afterwards_none():
     """It reads the acceleration of the base in axes at rest, less gravity, and the floor's rate."""
     tilt = TiltingPlatform(0.1, 1.0, 0.02, -0.7, hold=0.02, acceleration=20.0)

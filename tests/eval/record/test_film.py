@@ -153,7 +153,7 @@ def test_compare_films_what_its_rows_say(tmp_path, capsys):
     assert main([*argv, "--out", str(out), "--film", "discordant", "--films", "1"]) == 0
     told = capsys.readouterr()
     assert f"films: {out / 'films'}" in told.out
-    assert "films of 1 of the 1 pushes on which the policies disagree: about 20 seconds" in told.err
+    assert "films of 1 of the 1 pushes on which the policies disagree: about 10 seconds" in told.err
     gif, mp4 = sorted((out / "films").iterdir())
     assert gif.stat().st_size < 1_000_000
     assert (gif.suffix, mp4.suffix, gif.stem) == (".gif", ".mp4", mp4.stem)
