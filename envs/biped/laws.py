@@ -15,7 +15,19 @@ import numpy as np
 from ...controllers.array_table import floats_at, ints_at, tuple_reader
 from ...controllers.errors import InvalidValueError
 from ...controllers.jit import njit
-from ...controllers.math3 import ZERO, Vector, add, cross, dot, scaled, subtract, vector_in, vector_of
+from ...controllers.math3 import (
+    ZERO,
+    Vector,
+    add,
+    cross,
+    dot,
+    of_rotation,
+    rotated,
+    scaled,
+    subtract,
+    vector_in,
+    vector_of,
+)
 from ...controllers.whole_body.kinematics import Array, Ints, Physics
 from ..robots.compiled_robot import CompiledRobot
 from ..robots.indices import pushed_rows
@@ -36,7 +48,6 @@ WAITING, MEETING, OVER = 0.0, 1.0, 2.0  # phases
 COM, AXES = 0, 1  # of the body
 PAIRS, COUNT = 0, 1  # of a sole's contacts with the floor: where the addresses of their frictions are
 FIELD, FELT, FRAME = 0, 1, 2  # gravity of the simulation, that of the sensors (0: there are none), a `Frame`
-ROBOT = 9  # numbers of a `Frame`, which those of its bodies follow
 
 
 class Frame(NamedTuple):
@@ -53,6 +64,7 @@ class Frame(NamedTuple):
     bodies: int  # how many follow: the number of each, and its row in `Physics.xfrc`, -1 where it has none
 
 
+ROBOT = len(Frame._fields)  # numbers that those of its bodies follow
 coupling_terms: Callable[[Array], CouplingTerms] = tuple_reader(CouplingTerms)
 frame_terms: Callable[[Ints], Frame] = tuple_reader(Frame)
 
@@ -347,29 +359,25 @@ def tilt_floor(
     middle = since + 0.5 * dt  # of the step that has this gravity
     tilted = way_gone(middle, angle, fastest, acceleration)
     tilted -= way_gone(middle - back, angle, fastest, acceleration)
-    put_vector(floats_at(places[FIELD], 3), 0, turned(vector_of(row, GRAVITY), axis, -tilted))
+    back_turn = of_rotation(scaled(axis, -tilted))
+    put_vector(floats_at(places[FIELD], 3), 0, rotated(back_turn, vector_of(row, GRAVITY)))
     table = ints_at(places[FRAME], ROBOT + 2 * frame.bodies)
     for b in range(frame.bodies):
         body, at = table[ROBOT + b], table[ROBOT + frame.bodies + b]
         force, torque = inertial_load(frame, body, pivot, omega, alpha)
-        own = floats_at(frame.force + 6 * ENTRY * body, 6)  # where there is a row, it is written over
+        if at < 0:
+            own = floats_at(frame.force + 6 * ENTRY * body, 6)
+            put_vector(own, 0, force)
+            put_vector(own, 3, torque)
+            continue
         for a in range(3):
-            own[a], own[3 + a] = force[a], torque[a]
-            if at >= 0:
-                phys.xfrc[k, at, a] += force[a]
-                phys.xfrc[k, at, 3 + a] += torque[a]
+            phys.xfrc[k, at, a] += force[a]
+            phys.xfrc[k, at, 3 + a] += torque[a]
     if frame.turn != 0:
         place, velocity = subtract(vector_in(phys.qpos, k, 0), pivot), vector_in(phys.qvel, k, 0)
         felt = floats_at(places[FELT], 3)
         put_vector(floats_at(frame.turn, 3), 0, omega)
         put_vector(felt, 0, add(vector_of(felt, 0), inertial_field(place, velocity, omega, alpha)))
-
-
-@njit(cache=True)
-def turned(a: Vector, axis: Vector, angle: float) -> Vector:
-    """A vector turned about a unit axis (Rodrigues)."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    return add(add(scaled(a, cos), scaled(cross(axis, a), sin)), scaled(axis, dot(axis, a) * (1.0 - cos)))
 
 
 @njit(cache=True)

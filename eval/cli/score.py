@@ -342,9 +342,8 @@ class Reproduce(RunningOptions):
         page = None if self.page is None else Path(self.page)
         where = self.processes, self.directory, self.overwrite, page
         found = run.reproduce(self.section, self.directions, *where)
-        known = run.known_claims(found.content)
         command = pages.command_of("reproduce", self, ("section",))
         paths = (found.directory / run.RESULT, found.directory / run.TABLES, *found.pictures)
         written = options.page_lines(lambda: run.write_reproduction_page(found, command))
-        tables = *found.tables, *([run.claims_table(known)] if known else [])
-        self.show(found.content, tables, [run.verdict(known), *map(str, paths), *written])
+        tables = *found.tables, *([run.claims_table(found.claims)] if found.claims else [])
+        self.show(found.content, tables, [run.verdict(found.claims), *map(str, paths), *written])

@@ -3,8 +3,9 @@
 import base64
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from .studies import ABLATIONS, LIMITS_STUDY
 RESULT = "reproduction.json"
 TABLES = "tables.md"
 SECTIONS = (SCENARIO_1, SCENARIO_2, ABLATIONS, LIMITS_STUDY)
+NEEDED = {"scenario_1", "scenario_2"}  # sections that the claims are about
 ALL = "all"
 
 
@@ -34,6 +36,11 @@ class Reproduction:
     tables: list[Table]
     pictures: list[Path]
     directory: Path
+
+    @cached_property
+    def claims(self) -> list[Claim]:
+        """The paper's claims held against the numbers; none where a section that they need has not run."""
+        return list(claims(self.content)) if self.content.keys() >= NEEDED else []
 
 
 def reproduce(
@@ -101,7 +108,6 @@ def _earlier(directory: Path) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-NEEDED = {"scenario_1", "scenario_2"}  # sections that the claims are about
 TYPES = {".png": "image/png", ".gif": "image/gif"}
 CODE = str.maketrans("", "", "`")  # marks of Markdown, which HTML has none of
 
@@ -112,21 +118,15 @@ def write_reproduction_page(found: Reproduction, command: Command) -> Path:
     Raises:
         MissingExtraError: jinja2 is not installed.
     """
-    known = known_claims(found.content)
     content = {
         "title": "The paper's results, measured again",
-        "verdict": verdict(known),
-        "claims": _plain("Claim by claim", ("claim", "paper", "here", "verdict"), known, 4),
+        "verdict": verdict(found.claims),
+        "claims": _plain("Claim by claim", ("claim", "paper", "here", "verdict"), found.claims, 4),
         "pictures": pictures(found.pictures, found.directory),
         "tables": [_plain(table.title, table.columns, table.rows) for table in found.tables],
         "manifest": manifest(command, [rows_hash(found.directory)], "nothing is random"),
     }
     return write_report(found.directory, "reproduction.html", content)
-
-
-def known_claims(content: Mapping[str, Any]) -> list[Claim]:
-    """The paper's claims held against numbers, where all sections that they are about have run."""
-    return list(claims(dict(content))) if content.keys() >= NEEDED else []
 
 
 def claims_table(known: Sequence[Claim]) -> Table:

@@ -1,6 +1,7 @@
 import base64
 import copy
 import re
+from pathlib import Path
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
@@ -16,7 +17,7 @@ from push_recovery.eval.reproduction.page import (
     page,
     write_page,
 )
-from push_recovery.eval.reproduction.run import claims_table, known_claims, pictures, reproduce, verdict
+from push_recovery.eval.reproduction.run import Reproduction, claims_table, pictures, reproduce, verdict
 
 CASE = {
     "step_error_before": 0.0,
@@ -133,14 +134,14 @@ def test_the_headline_counts_the_verdicts():
 
 
 def test_the_terminal_has_every_claim_behind_its_verdict():
-    known = known_claims(CONTENT)
+    known = Reproduction(CONTENT, [], [], Path()).claims
     table = claims_table(known)
     assert table.columns == ("verdict", "claim")
     assert len(table.rows) == len(known) == 14
     assert {word for word, _ in table.rows} <= {REPRODUCED, DIFFERS, UNSTATED}
     assert table.rows[0][1].startswith("(a) Step place and time alone do not recover from 315 N")
     assert not any("`" in cell for row in table.rows for cell in row)
-    assert known_claims({"scenario_1": CONTENT["scenario_1"]}) == []
+    assert Reproduction({"scenario_1": CONTENT["scenario_1"]}, [], [], Path()).claims == []
 
 
 def test_pictures_are_inside_the_page_in_the_papers_order(tmp_path):
