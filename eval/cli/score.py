@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from tyro.conf import Positional, arg
 
 from ...controllers.errors import InvalidValueError, shown
+from ..output.tables import named_apart
 from ..rollout import TABLE_ARMS
 from . import options
 from .options import Count, CountOrNone, EnvOptions, Flag, Policies, Real, RunningOptions, SuiteName, within
@@ -172,7 +173,8 @@ class Frontier(EnvOptions, options.PushOptions, RunningOptions):
         )
         objects = {name: found.to_dict(name) for name in found.rows}
         content = next(iter(objects.values())) if len(objects) == 1 else {"policies": objects}
-        write_text(found.directory / "frontier.json", json.dumps(content, indent=1) + "\n")
+        own = f"frontier{named_apart(found.directory, found.rows)}.json"
+        write_text(found.directory / own, json.dumps(content, indent=1) + "\n")
         lines = [
             f"report: {report.write_frontier_reports(found)}",
             "pictures: " + ", ".join(map(str, report.save_pictures(found))),

@@ -75,6 +75,7 @@ def _git(folder: Path, *words: str) -> str | None:
 
 
 LOCK = ".lock"
+OF_ROWS = "report*", "compare-*.html", "index.html", "profiles*.md"  # what tells of the rows beside it
 PATIENCE = 0.1  # with a lock that is being released [s]
 
 
@@ -182,7 +183,7 @@ class RowFile:
         directory: where the two files lie; made if absent.
         config: JSON object that must equal that of the directory.
         key: fields that identify a row.
-        overwrite: start over where the directory already holds rows.
+        overwrite: start over where the directory already holds rows; what tells of them goes, too.
         fields: that each row must have besides those of the key.
 
     Raises:
@@ -214,8 +215,9 @@ class RowFile:
     def _open(self, path: Path, config: dict[str, Any], overwrite: bool) -> None:
         """Read what is there; the configuration is written last, so that a refusal leaves none behind."""
         if overwrite:
-            self.path.unlink(missing_ok=True)
-            path.unlink(missing_ok=True)
+            told = (one for names in OF_ROWS for one in path.parent.glob(names))
+            for one in (self.path, path, *told):
+                one.unlink(missing_ok=True)
         known = path.exists()
         if known:
             _check_config(path, config)

@@ -1,7 +1,9 @@
 """Tables of results, the same cells on a terminal, in Markdown and on a page; pictures beside them."""
 
+import hashlib
 import io
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from ...controllers.files import write_atomically, write_text
+from .rows import read_json
 
 
 @dataclass(frozen=True)
@@ -90,10 +93,39 @@ def markdown_page(title: str, tables: Iterable[Table]) -> str:
     return "\n".join([f"# {title}\n", *(one.markdown() for one in tables if one)])
 
 
+LONGEST_STEM = 80
+
+
+def file_stem(text: str) -> str:
+    """The text as the name of a file without its ending."""
+    return re.sub(r"[^\w+.-]+", "-", text).strip("-.")
+
+
+def stem_or_hash(words: Sequence[str], whole: str) -> str:
+    """A file's name from words, or a hash of the whole question where they are none or too long for one."""
+    stem = file_stem("-".join(words))
+    return stem if 0 < len(stem) <= LONGEST_STEM else hashlib.sha256(whole.encode()).hexdigest()[:8]
+
+
+def named_apart(directory: Path, policies: Iterable[str]) -> str:
+    """What names of files about these policies end on, so that nothing is lost: "", or "-A-B".
+
+    The first policies that are asked about in a directory have report.json; others have report-A-B.json.
+    """
+    path, names = directory / "report.json", list(policies)
+    if not path.is_file() or list(read_json(path)["policies"]) == names:
+        return ""
+    return f"-{stem_or_hash(names, ' '.join(names))}"
+
+
 def write_reports(directory: Path, content: Mapping[str, Any], markdown: str) -> Path:
-    """Write report.json and report.md into a directory; returns the path of the latter."""
-    write_text(directory / "report.json", json.dumps(content, indent=1) + "\n")
-    path = directory / "report.md"
+    """Write report.json, with an entry "policies", and report.md; returns the path of the latter.
+
+    Where they are there and of other policies, the names of these come after "report".
+    """
+    stem = f"report{named_apart(directory, content['policies'])}"
+    write_text(directory / f"{stem}.json", json.dumps(content, indent=1) + "\n")
+    path = directory / f"{stem}.md"
     write_text(path, markdown)
     return path
 

@@ -32,27 +32,28 @@ from . import headline, page, pushes
 from .headline import SEED, rival
 from .page import Command, manifest, require_report, rows_hash, short_labels, write_page
 
-LOOKS: tuple[dict[str, Any], ...] = (  # recovered, then reasons in turn
-    {"facecolor": page.BLUE},
-    {"facecolor": "white", "hatch": "////"},
-    {"facecolor": page.INK},
-    {"facecolor": page.PALE},
-    {"facecolor": "white", "hatch": "...."},
-    {"facecolor": page.GREY},
-)
+RECOVERED: dict[str, Any] = {"facecolor": page.BLUE}
+OTHER: dict[str, Any] = {"facecolor": "white", "hatch": "xxxx"}  # a reason of an environment of others
+LOOKS: Mapping[str, dict[str, Any]] = {  # of a reason, the same on every page
+    outcome.NOT_SETTLED: {"facecolor": "white", "hatch": "////"},
+    "com_height": {"facecolor": page.INK},
+    "pelvis_tilt": {"facecolor": page.PALE},
+    "dcm_diverged": {"facecolor": "white", "hatch": "...."},
+    "not_finite": {"facecolor": page.GREY},
+}
 
 
 def ending_figure(evaluation: Evaluation) -> str:
     """One bar for each policy: its pushes by what became of them."""
     names = list(evaluation.rows)
     scores = [evaluation.score(name) for name in names]
-    parts = [("recovered", [score.recovered for score in scores])]
+    parts = [("recovered", RECOVERED, [score.recovered for score in scores])]
     for reason in reasons_of(evaluation):
-        parts.append((reason_words(reason), [score.failures.get(reason, 0) for score in scores]))
+        counts = [score.failures.get(reason, 0) for score in scores]
+        parts.append((reason_words(reason), LOOKS.get(reason, OTHER), counts))
     with page.panel(0.7 + 0.25 * len(names)) as (figure, axes):
         left = [0] * len(names)
-        for index, (label, counts) in enumerate(parts):
-            look = LOOKS[index % len(LOOKS)]
+        for label, look, counts in parts:
             axes.barh(
                 range(len(names)), counts, left=left, height=0.62, edgecolor=page.INK, linewidth=0.6,
                 label=label, **look,
@@ -147,7 +148,7 @@ def _drawn(evaluation: Evaluation, scenario: Scenario, policies: tuple[str, str]
     for label in policies:
         row = evaluation.rows[label][place]
         camera = watch(evaluation.env_id, row["policy"], scenario)
-        rows.append((f"{label} {page.outcome_words(row, camera.start)}", camera))
+        rows.append((f"{label} {page.outcome_words(row)}", camera))
     content = base64.b64encode(sheet(rows)).decode()
     caption = f"{scenario.id}: {page.scenario_words(scenario)}. {'; '.join(title for title, _ in rows)}."
     return caption, f"data:image/jpeg;base64,{content}"
@@ -219,7 +220,7 @@ def _part(profile: str, found: Evaluation, env: gym.Env, command: Command) -> Ma
     by_id = {name: {row["scenario_id"]: row for row in rows} for name, rows in found.rows.items()}
     return {
         "name": profile,
-        "verdict": headline.verdict(found),
+        "verdict": headline.verdict(found).replace(" %", "\N{NO-BREAK SPACE}%"),
         **evaluation_tables(found),
         "rates": headline.rates_table(found),
         "curves": pushes.curves_table(curve for group in curves.values() for curve in group),

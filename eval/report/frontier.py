@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...controllers.whole_body.limits import LIMIT_NAMES
-from ..output.tables import Table, markdown_page, write_pictures, write_reports
+from ..output.tables import Table, markdown_page, named_apart, write_pictures, write_reports
 from ..record.words import DIRECTIONS, sector_of
 from ..rollout.environments import make_env
 from ..rollout.outcome import limit_words, reason_words
@@ -195,7 +195,8 @@ def save_pictures(frontier: Frontier) -> list[Path]:
     )
     axes.set_ylim(0.0, furthest_of(frontier, curves))
     figure.legend(loc="outside lower center", fontsize="small", ncols=2)
-    return write_pictures(figure, frontier.directory, "frontier")
+    own = named_apart(frontier.directory, frontier.rows)
+    return write_pictures(figure, frontier.directory, f"frontier{own}")
 
 
 def write_frontier_page(frontier: Frontier, command: Command) -> Path:

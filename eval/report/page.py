@@ -17,6 +17,7 @@ from ...controllers.errors import MissingExtraError
 from ...controllers.files import write_text
 from ...envs.scenario.scenario import Scenario
 from ..output.rows import machine_kind, source_commit, versions
+from ..output.tables import file_stem, stem_or_hash
 from ..record.words import direction_words
 from ..rollout.environments import code_digest
 from ..rollout.outcome import limit_words, reason_words
@@ -31,7 +32,6 @@ OF_PUSH = OF_ROBOT | {
 }  # fmt: skip
 OF_PAGE = {"--policies", "--profile"}  # what a later page of a directory is named after
 ASKED = re.compile('<meta name="command" content="(.*?)">')  # in a page
-LONGEST_STEM = 80
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,7 @@ class Command:
         if asked is None or html.unescape(asked[1]) == self.text:
             return PAGE
         which = [value for option, values in self.options if option in OF_PAGE for value in values]
-        stem = file_stem("-".join(which))
-        if not 0 < len(stem) <= LONGEST_STEM:
-            stem = hashlib.sha256(self.text.encode()).hexdigest()[:8]
-        return f"report-{stem}.html"
+        return f"report-{stem_or_hash(which, self.text)}.html"
 
     @property
     def text(self) -> str:
@@ -82,11 +79,6 @@ class Command:
         options = {name: values for name, values in self.options if name in kept}
         added = {name: (value,) for name, value in {**more, "--policy": policy, "--out": picture}.items()}
         return Command(("play",), (*options.items(), *added.items())).text
-
-
-def file_stem(text: str) -> str:
-    """The text as the name of a file without its ending."""
-    return re.sub(r"[^\w+.-]+", "-", text).strip("-.")
 
 
 def command_of(name: str, options: Any, positional: Sequence[str] = ()) -> Command:
@@ -178,6 +170,15 @@ def breaking(label: str) -> Any:
     return Markup("<wbr>").join(escape(part) for part in re.findall(r"[^-+/_.:]*[-+/_.:]|[^-+/_.:]+", label))
 
 
+def unbroken(command: str) -> Any:
+    """A command as HTML whose lines do not break within an option or another short word."""
+    from markupsafe import Markup, escape
+
+    parts = (Markup("<span>{}</span>").format(part) if len(part) <= LONGEST_LABEL else escape(part)
+             for part in command.split(" "))  # fmt: skip
+    return Markup(" ").join(parts)
+
+
 Row = Mapping[str, Any]
 
 
@@ -207,10 +208,10 @@ def scenario_words(scenario: Scenario) -> str:
     )
 
 
-def outcome_words(row: Row, start: float | None = None) -> str:
+def outcome_words(row: Row) -> str:
     """The end of an episode in words, and the first limit that a fall met.
 
-    Its time counts from the `start` of the first push [s], where that is known.
+    Its time counts from the first push, if one has begun and the row says when.
     """
     if row["recovered"]:
         return "recovers"
@@ -218,6 +219,7 @@ def outcome_words(row: Row, start: float | None = None) -> str:
         return "stays up, does not settle"
     first = row.get("first_limit")
     why = reason_words(row["failure_reason"]) + (f", first limit met: {limit_words(first)}" if first else "")
+    start = row.get("measures", {}).get("first_push")
     when = "into the walk" if start is None else "after the first push"
     return f"falls {row['end_time'] - (start or 0.0):.1f} s {when} ({why})"
 
@@ -253,6 +255,7 @@ def write_page(
     )  # fmt: skip
     env.filters["figure"] = Markup  # of to_svg, which escapes its text
     env.filters["breaking"] = breaking
+    env.filters["unbroken"] = unbroken
     path = directory / (PAGE if command is None else command.page(directory))
     asked = {} if command is None else {"command": command.text}
     write_text(path, env.get_template(template).render(content, **asked))

@@ -10,6 +10,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from ...envs.scenario.push import GaitEvent, Push
 from ...envs.scenario.scenario import Scenario
@@ -18,7 +19,7 @@ from ..output.tables import Table
 from ..record.words import DIRECTIONS, sector_of
 from ..score import evaluate, limits
 from ..score.report import KINDS
-from .page import BLUE, GREY, INK, ORANGE, beside_axis, legend_below, panel, to_svg
+from .page import BLUE, GREY, INK, ORANGE, PALE, beside_axis, legend_below, panel, to_svg
 
 Row = Mapping[str, Any]
 FAINT = "#b4b4b4"
@@ -213,11 +214,14 @@ def binned(impulse: Array, recovered: np.ndarray) -> tuple[Array, Array, Array, 
     return centres, share, np.maximum(share - ends[:, 0], 0.0), np.maximum(ends[:, 1] - share, 0.0)
 
 
-MARKS = 3  # moments in the table
-COLORS, LINES = (BLUE, ORANGE, INK, GREY), ("-", (0, (4, 2)), (0, (1, 1)), (0, (6, 2, 1, 2)))
-SURVIVAL_LOOKS: tuple[dict[str, Any], ...] = tuple(  # neighbours differ in both
-    {"color": COLORS[k % 4], "linestyle": LINES[(k + k // 4) % 4]} for k in range(16)
+MARKS = 4  # moments in the table, at most, at round times
+SURVIVAL_LOOKS: tuple[dict[str, Any], ...] = (  # of the three that keep most robots up, and of the last
+    {"color": BLUE, "linestyle": "-"},
+    {"color": ORANGE, "linestyle": (0, (4, 2))},
+    {"color": INK, "linestyle": (0, (1, 1))},
+    {"color": GREY, "linestyle": (0, (6, 2, 1, 2))},
 )
+REST: dict[str, Any] = {"color": PALE, "linestyle": "-", "zorder": 1.5}
 
 
 @dataclass(frozen=True)
@@ -241,12 +245,13 @@ def survival_part(evaluation: evaluate.Evaluation) -> SurvivalPart | None:
         curves[name] = kaplan_meier([row["end_time"] for row in mine], fell)
         falls[name] = sum(fell)
     longest = max(float(curve.times[-1]) for curve in curves.values())
-    marks = [float(time) for time in np.linspace(0.0, longest, MARKS + 1)[1:]]
+    ticks = MaxNLocator(MARKS, steps=[1, 2, 3, 5, 10]).tick_values(0.0, longest)
+    marks = [float(time) for time in ticks if 0.0 < time <= longest]
     rows = [
         (label, str(falls[label]), *(share_at(curve, time) for time in marks))
         for label, curve in curves.items()
     ]
-    columns = ["policy", "falls", *(f"standing at {time:.1f} s" for time in marks)]
+    columns = ["policy", "falls", *(f"standing at {time:g} s" for time in marks)]
     return SurvivalPart(
         len(chosen), Table("Repeated pushes", columns, rows), survival_figure(curves, longest)
     )
@@ -262,13 +267,24 @@ def share_at(curve: SurvivalCurve, time: float) -> str:
 
 
 def survival_figure(curves: Mapping[str, SurvivalCurve], longest: float) -> str:
-    """A staircase for each policy, down where one of its robots falls; `longest` episode [s]."""
+    """A staircase for each policy, down where one of its robots falls; `longest` episode [s].
+
+    More of them than there are looks can't be told apart: those in the middle are pale.
+    """
+    ordered = sorted(curves, key=lambda label: -curves[label].survival[-1])
+    most = len(SURVIVAL_LOOKS) - 1
+    looks = dict(zip([*ordered[:most], *ordered[most:][-1:]], SURVIVAL_LOOKS, strict=False))
+    others = [label for label in ordered if label not in looks]
+    words = {label: beside_axis(label) for label in looks} | {
+        label: f"{len(others)} others" for label in others[:1]
+    }
     with panel(2.0) as (figure, axes):
-        for (label, curve), look in zip(curves.items(), SURVIVAL_LOOKS, strict=False):
+        for label in [*looks, *others]:
+            curve = curves[label]
             times, shares = [0.0, *curve.times, longest], [1.0, *curve.survival, curve.survival[-1]]
             axes.plot(
                 times, 100.0 * np.array(shares), drawstyle="steps-post", linewidth=1.4,
-                label=beside_axis(label), **look,
+                label=words.get(label), **looks.get(label, REST),
             )  # fmt: skip
         axes.set(xlim=(0.0, longest), xlabel="time since the walk began [s]", ylabel="standing [%]")
         axes.grid(axis="y", color="#e4e4e4", linewidth=0.6)

@@ -238,6 +238,11 @@ class EffortMeter:
             exact = np.where(senses.onboard[:, None], senses.last.judged.qvel, exact)
         return exact[:, NV - NU : NV]
 
+    def first_push(self, k: int) -> float:
+        """When the first push or kick of robot k began, since reset [s]; inf where none has."""
+        start = float(self.core.pushes.start[k].min(initial=np.inf))
+        return start if start < self.episodes.motion().time[k] else np.inf
+
     def turned(self, k: int) -> float:
         """How far robot k is off the heading that its commands ask for [rad], up to pi."""
         off = self.episodes.motion().heading.item(k) - self.heading.item(k)
@@ -296,6 +301,7 @@ MEASURES: dict[str, Measure] = {
         None, "recovered after", "s", 2, value=recovered_after,
         about="from the end of the last push to the touchdown at which the recovery criterion holds",
     ),
+    "first_push": Measure(lambda seen, k: seen.first_push(k)),  # [s]
     "steps": Measure(lambda seen, k: seen.episodes.motion().steps.item(k), "steps"),
     "smallest_margin": Measure(  # [m]
         lambda seen, k: seen.margin.item(k), "smallest margin", "cm", 1, 100.0, brief="margin {:.0f} cm",

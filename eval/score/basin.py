@@ -30,7 +30,7 @@ from ...controllers.validation import require_integer
 from ...envs.scenario.push import GaitEvent, Push
 from ...envs.scenario.scenario import IN_PLACE, Scenario
 from ..output.progress import Work, about, progress_bars, robot_seconds
-from ..output.tables import Table, markdown_page, write_pictures, write_reports
+from ..output.tables import Table, markdown_page, named_apart, write_pictures, write_reports
 from ..rollout.environments import code_digest, env_label, make_env, preset_digest
 from ..rollout.episodes import Observer
 from ..rollout.outcome import Outcome
@@ -272,4 +272,4 @@ def save_basin(found: Basin) -> list[Path]:
     handles = [Patch(color=color, label=label) for color, label in zip(colors, labels, strict=True)]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize="small", title="steps")
     figure.suptitle(f"{found.env_id}: steps until none is needed", fontsize="medium")
-    return write_pictures(figure, found.directory, "basin")
+    return write_pictures(figure, found.directory, f"basin{named_apart(found.directory, found.measured)}")

@@ -11,7 +11,7 @@ from ...controllers.whole_body.limits import LIMIT_NAMES
 from ...envs.scenario.push import Disturbance
 from ...envs.scenario.scenario import Scenario
 from ..output.statistics import PairedCounts, holm
-from ..output.tables import Table, markdown_page, write_reports
+from ..output.tables import Table, markdown_page, named_apart, write_reports
 from ..rollout.outcome import MEASURES, Measure, Row, Score, limit_words, reason_words
 from ..rollout.policy_source import search_words, stated_trials
 from ..rollout.strategy import STRATEGIES, strategy_of
@@ -441,9 +441,12 @@ def kept_table(a: Evaluation, b: Evaluation, title: str) -> Table:
 
 
 def write_profiles(evaluations: Evaluations, directory: Path) -> Path:
-    """Write profiles.md: rates side by side, then each profile against the first; returns its path."""
+    """Write profiles.md: rates side by side, then each profile against the first; returns its path.
+
+    It is named like the reports of the first profile, which come before: profiles-A-B.md with report-A-B.md.
+    """
     (first, base), *others = evaluations.items()
     tables = [kept_table(base, one, f"{name} against {first}") for name, one in others]
-    path = directory / "profiles.md"
+    path = directory / f"profiles{named_apart(base.directory, base.rows)}.md"
     write_text(path, markdown_page("Profiles", [profiles_table(evaluations), *tables]))
     return path

@@ -477,20 +477,63 @@ def alone(tmp_path_factory):
     return folder
 
 
-def test_two_policies_leave_the_page_of_others_in_their_directory_alone(tmp_path):
+def test_two_policies_leave_page_and_reports_of_others_in_their_directory_alone(tmp_path):
     pytest.importorskip("jinja2", reason="needs the extra report")
     assert share("evaluate", tmp_path / "shared", tmp_path) == 0
-    before = (tmp_path / "shared/report.html").read_bytes()
+    before = content_of(tmp_path / "shared")
     words = ["evaluate", "--env", PENDULUM, "--suite", str(tmp_path / "few.json"), "--workers", "1"]
     words += ["--out", str(tmp_path / "shared"), "--policies"]
     for policies in (["two-stage", "passive"], ["stage-1", "two-stage"]):  # another question, then the first
         assert main([*words, *policies]) == 0
-        assert len(list((tmp_path / "shared").glob("*.html"))) == 3  # with the index
-    after = (tmp_path / "shared/report.html").read_text()
-    own = (tmp_path / "shared/report-two-stage-passive.html").read_text()
-    assert "passive" in own
-    assert "passive" not in after
-    assert len(after) == len(before.decode())
+        after = content_of(tmp_path / "shared")
+        added = {f"report-two-stage-passive.{kind}" for kind in ("html", "json", "md")} | {"index.html"}
+        assert after.keys() - before.keys() == added
+        assert after["report.md"] == before["report.md"]
+        told, first = (json.loads(one["report.json"]) for one in (after, before))
+        assert told["policies"] == first["policies"]
+        assert "passive" not in after["report.html"].decode()
+        assert len(after["report.html"]) == len(before["report.html"])
+        assert "passive" in after["report-two-stage-passive.html"].decode()
+        assert list(json.loads(after["report-two-stage-passive.json"])["policies"]) == [
+            "two-stage",
+            "passive",
+        ]
+    assert (
+        main([*words, "passive", "--overwrite"]) == 0
+    )  # rows of the others are gone, and so is what tells of them
+    kept = content_of(tmp_path / "shared")
+    assert {name for name in kept if name != "config.json"} == {
+        "outcomes.jsonl", "report.html", "report.json", "report.md"
+    }  # fmt: skip
+    assert list(json.loads(kept["report.json"])["policies"]) == ["passive"]
+
+
+def test_several_profiles_and_a_frontier_leave_files_of_other_policies_alone(tmp_path):
+    few, common = tmp_path / "few.json", ["--workers", "1", "--out"]
+    Suite("few", "1", get_suite("quick").scenarios[:1]).save(few)
+    several = [
+        "evaluate",
+        *common,
+        str(tmp_path / "two"),
+        "--suite",
+        str(few),
+        "--profile",
+        "exact",
+        "weighed",
+    ]
+    frontier = [*SHARING["frontier"][:3], *SHARING["frontier"][5:], *common, str(tmp_path / "one")]
+    for words, place, names in (
+        (several, "two", {"profiles.md", "exact/report.md", "weighed/report.json"}),
+        (frontier, "one", {"frontier.json", "frontier.png", "frontier.svg", "report.md", "report.json"}),
+    ):
+        assert main([*words, "--policies", "stage-1"]) == 0
+        before = content_of(tmp_path / place)
+        assert main([*words, "--policies", "two-stage"]) == 0
+        after = content_of(tmp_path / place)
+        for name in names:
+            assert after[name] == before[name], name
+            stem, kind = name.rsplit(".", 1)
+            assert f"{stem}-two-stage.{kind}" in after
 
 
 @pytest.mark.parametrize(("first", "second"), list(permutations(SHARING, 2)))

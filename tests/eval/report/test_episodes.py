@@ -2,6 +2,7 @@
 
 import base64
 import io
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,17 @@ from push_recovery.eval.report.evaluation import labelled
 
 def test_grey_print_tells_the_endings_apart(evaluation):
     assert "<pattern" in episodes.ending_figure(evaluation({"p": "rsff", "q": "rrrr"}))
+
+
+def test_a_reason_looks_the_same_on_every_page(evaluation):
+    """Pushes that were survived have the same hatches with and without a fall beside them."""
+    alone, beside = (episodes.ending_figure(evaluation({"p": letters})) for letters in ("rsrr", "rsff"))
+    (pattern,) = re.findall(r"<pattern.*?</pattern>", alone, re.DOTALL)
+    assert re.sub('id=".*?"', "", pattern) in re.sub('id=".*?"', "", beside)
+    assert len(re.findall(r"<pattern", beside)) == 1
+    unknown = evaluation({"p": "rf"})
+    unknown.rows["p"][1]["failure_reason"] = "eaten"
+    assert ">eaten<" in episodes.ending_figure(unknown)
 
 
 def test_the_best_is_shown_beside_another_recipe(evaluation):

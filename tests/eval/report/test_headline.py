@@ -126,7 +126,10 @@ def test_a_scenario_in_words():
         {"recovered": False, "survived": False, "failure_reason": "low", "end_time": 1.0}
     ) == ("falls 1.0 s into the walk (low)")
     fell = {"recovered": False, "survived": False, "failure_reason": "pelvis_tilt", "end_time": 3.25}
-    assert outcome_words(fell, 2.0) == "falls 1.2 s after the first push (tipped over)"
+    pushed = {**fell, "measures": {"first_push": 2.0}}
+    assert outcome_words(pushed) == "falls 1.2 s after the first push (tipped over)"
+    before = {**fell, "measures": {"first_push": None}}
+    assert outcome_words(before) == "falls 3.2 s into the walk (tipped over)"
 
 
 def test_files_are_told_by_folder_and_stem_where_that_tells_them_apart():

@@ -6,7 +6,7 @@ from html import escape
 
 from push_recovery.eval.cli.main import parse
 from push_recovery.eval.cli.score import Compare, Evaluate
-from push_recovery.eval.report.page import command_of
+from push_recovery.eval.report.page import command_of, unbroken
 
 
 def test_a_command_says_what_decides_outcomes_and_is_no_default():
@@ -39,6 +39,13 @@ def test_a_later_question_in_a_directory_has_a_page_of_its_own(tmp_path):
     many = command_of("evaluate", Evaluate(policies=tuple(f"policy-{k}" for k in range(10))))
     assert re.fullmatch(r"report-[0-9a-f]{8}\.html", many.page(tmp_path))
     assert command_of("compare", Compare(a="x", b="y"), ("a", "b")).page(tmp_path) == "compare-x-y.html"
+
+
+def test_a_line_of_a_command_breaks_at_no_hyphen_of_an_option():
+    long = "runs/" + "x" * 40
+    assert str(unbroken(f"play --policy 'a' {long}")) == (
+        f"<span>play</span> <span>--policy</span> <span>&#39;a&#39;</span> {long}"
+    )
 
 
 def test_a_replay_is_the_same_scenario_for_play():

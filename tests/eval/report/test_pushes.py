@@ -9,6 +9,7 @@ from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.output.statistics import LogisticFit, fit_logistic, kaplan_meier
 from push_recovery.eval.record.words import sector_of
 from push_recovery.eval.report import pushes as parts
+from push_recovery.eval.report.page import PALE
 from push_recovery.eval.report.pushes import Curve
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.score.limits import limit_share
@@ -126,7 +127,7 @@ def test_only_scenarios_with_several_pushes_count(evaluation):
     part = parts.survival_part(found)
     assert part is not None
     assert part.episodes == sum(several)
-    marks = [f"standing at {time} s" for time in (3.0, 6.0, 9.0)]
+    marks = [f"standing at {time} s" for time in (3, 6, 9)]
     assert part.table.columns == ["policy", "falls", *marks]
     first, second = part.table.rows
     assert first[:3] == ("a", str(falls), "100.0 %")
@@ -134,6 +135,27 @@ def test_only_scenarios_with_several_pushes_count(evaluation):
     assert float(first[3].split()[0]) == float(first[4].split()[0]) == pytest.approx(share, abs=0.05)
     assert second[:2] == ("b", "0")
     assert ">b<" in part.figure
+
+
+def test_four_curves_can_be_told_apart_and_the_rest_is_pale(evaluation):
+    """Three that keep most robots up, and the last one; a fall at 4 s for each that an entry has more."""
+    found = evaluation(
+        {
+            name: "f" * falls + "r" * (24 - falls)
+            for name, falls in zip("abcdefg", range(18, 4, -2), strict=True)
+        }
+    )
+    for rows in found.rows.values():
+        for row in rows:
+            row["end_time"] = 9.0 if row["survived"] else 4.0
+    part = parts.survival_part(found)
+    assert part is not None
+    assert [name for name in "abcdefg" if f">{name}<" in part.figure] == ["a", "e", "f", "g"]
+    assert ">3 others<" in part.figure
+    assert part.figure.count(PALE) >= 3
+    assert [row[0] for row in part.table.rows] == list("abcdefg")
+    four = evaluation(dict.fromkeys("abcd", "rf" * 12))
+    assert "others" not in parts.survival_part(four).figure
 
 
 def test_nothing_is_shown_of_single_pushes(evaluation):

@@ -104,11 +104,11 @@ class Episodes(SimpleNamespace):
             margin=np.zeros(2),
             truth=np.zeros((2, 36)),
             command=np.zeros((2, 4)),
-            pushes=empty_pushes(2, 1),
+            pushes=empty_pushes(2, 2),
         )  # fmt: skip
         errors = {"error": np.array([[0.01, 9, 9], [0.02, 9, 9]]), "speed_error": np.array([0.1, 0.2])}
         monitor = SimpleNamespace(state=SimpleNamespace(touchdowns=np.array([3, 2]), **errors))
-        motion = SimpleNamespace(steps=np.array([7, 1]), heading=np.zeros(2))
+        motion = SimpleNamespace(steps=np.array([7, 1]), heading=np.zeros(2), time=np.array([3.0, 3.0]))
         super().__init__(
             n=2, control_hz=100.0, core=core, monitor=monitor, motion=lambda: motion, both_feet=False,
             robot=REFERENCE, limits=GaitLimits.of(REFERENCE),
@@ -135,9 +135,11 @@ def test_sums_over_periods_are_those_by_hand(episodes):
     meter.look()
     names = ("steps", "smallest_margin", "dcm_error", "velocity_error", "trunk_excursion", "peak_torque")
     apart = {"heading_error", "margin_of_stability"}
-    assert [name for name in meter.of(0) if name not in apart] == [*names, "mean_torque", "energy"]
+    names = ("first_push", *names, "mean_torque", "energy")
+    assert tuple(name for name in meter.of(0) if name not in apart) == names
     mean, energy = (10 + 20 + 30 + 20) / 4, 0.01 * (10 * 2 + 20 * 3 + 30 * 2 + 20 * 3)
     assert list(meter.of(0).values()) == [
+        None,
         7,
         0.3,
         None,
@@ -151,12 +153,25 @@ def test_sums_over_periods_are_those_by_hand(episodes):
     ]
     # Its margin was never known, its velocity is judged from the third touchdown on; the true rate counts
     energy = pytest.approx(0.01 * 2 * 4.0)
-    assert list(meter.of(1).values()) == [1, None, None, 0.02, None, 0.0, 0.0, 1.0, 0.5, energy]
+    assert list(meter.of(1).values()) == [None, 1, None, None, 0.02, None, 0.0, 0.0, 1.0, 0.5, energy]
     meter.begin(0)
     core.margin[0], core.truth[0], core.physics.ctrl[0] = 0.6, 0.0, 0.0
     meter.look()
     assert (meter.of(0)["smallest_margin"], meter.of(0)["peak_torque"], meter.of(0)["energy"]) == (0.6, 0, 0)
     assert meter.of(1)["peak_torque"] == 1.0
+
+
+def test_the_first_push_is_the_earliest_that_has_begun(episodes):
+    """At 3 s; pushes that wait for a gait event begin at inf."""
+    meter, start = EffortMeter(episodes), episodes.core.pushes.start
+    for k in range(2):
+        meter.begin(k)
+    start[:] = (math.inf, 2.4), (3.2, math.inf)
+    meter.look()
+    assert meter.of(0)["first_push"] == 2.4
+    assert meter.of(1)["first_push"] is None  # the robot has ended before
+    start[0] = 1.25, 0.5
+    assert meter.of(0)["first_push"] == 0.5
 
 
 def test_the_margin_of_stability_is_the_least_distance_from_the_border_of_what_stands(episodes):
@@ -222,6 +237,7 @@ def test_an_episode_tells_the_extremes_and_means_of_its_time_histories(biped):
     leans = np.abs([moving["trunk_pitch"], moving["trunk_roll"]])
     assert told["trunk_excursion"] == pytest.approx(leans.max(), abs=1e-6)
     assert told["steps"] == columns["step"][-1]
+    assert told["first_push"] == record.push_starts[0] == 0.3
     weight = biped.unwrapped.robot.mass * 9.81
     assert 0.01 * weight < told["energy"] < 10.0 * weight  # raised by its own weight through 1 cm, and 10 m
 

@@ -321,6 +321,8 @@ def test_json_table_page_and_picture_of_replicas(tmp_path, capsys):
     page = (tmp_path / "report.html").read_text()
     assert "That is done on 4 replicas" in page
     assert limits.PHASES in (tmp_path / "frontier.svg").read_text()
-    replay = page.split("push-recovery play")[1].split("</code>")[0]
+    replay = (
+        page.replace("<span>", "").replace("</span>", "").split("push-recovery play")[1].split("</code>")[0]
+    )
     assert "--replicas 4" in replay
     assert "--replica " in replay
