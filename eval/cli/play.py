@@ -85,7 +85,7 @@ class Play(EnvOptions, PushOptions):
         print("plays until Ctrl-C; the robot is loaded first, a few seconds", flush=True)
         from ..play import browser, desktop, gate
         from ..play.session import Session
-        from ..rollout.load_policy import policy_names_for
+        from ..rollout.environments import policy_names_for
 
         pushes = scenario.pushes or (polar_push(0.0, 0.0, self.duration, 0.0),)
         impulse = pushes[0].impulse_magnitude, math.degrees(pushes[0].direction)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from tyro.conf import Positional, arg
 
 from ...controllers.errors import InvalidValueError, shown
-from ..output.tables import named_apart
+from ..output.tables import named_apart, stem_or_hash
 from ..rollout import TABLE_ARMS
 from . import options
 from .options import Count, CountOrNone, EnvOptions, Flag, Policies, Real, RunningOptions, SuiteName, within
@@ -173,7 +173,7 @@ class Frontier(EnvOptions, options.PushOptions, RunningOptions):
         )
         objects = {name: found.to_dict(name) for name in found.rows}
         content = next(iter(objects.values())) if len(objects) == 1 else {"policies": objects}
-        own = f"frontier{named_apart(found.directory, found.rows)}.json"
+        own = f"frontier{named_apart(found.directory, found.rows, report.question(found))}.json"
         write_text(found.directory / own, json.dumps(content, indent=1) + "\n")
         lines = [
             f"report: {report.write_frontier_reports(found)}",
@@ -286,10 +286,10 @@ class Corrections(EnvOptions, options.RobotOptions):
     sample: Count = field(default=256, metadata=within(1))
     """Number of pushes, evenly spread over the suite; each runs with the residual and without it."""
     out: options.Directory = None
-    """Directory for corrections.md and its figure (default: runs/corrections)."""
+    """Directory for corrections-POLICY.md and its figure (default: runs/corrections)."""
 
     def run(self) -> None:
-        """Run the pushes, print the tables, write corrections.md and corrections.png."""
+        """Run the pushes, print the tables, write corrections-POLICY.md and its figure."""
         from ...controllers.files import write_text
         from ..output.progress import Work, about, episode_seconds, progress_bars
         from ..record import corrections
@@ -313,9 +313,10 @@ class Corrections(EnvOptions, options.RobotOptions):
             parts += [about, corrections.correction_table(summary, step)]
         text = "\n\n".join(part.strip() for part in parts) + "\n"
         directory.mkdir(parents=True, exist_ok=True)
-        write_text(directory / "corrections.md", text)
+        page = directory / f"corrections-{stem_or_hash([name], name)}.md"
+        write_text(page, text)
         print(text)
-        for path in (directory / "corrections.md", *corrections.save_corrections(summary, directory)):
+        for path in (page, *corrections.save_corrections(summary, directory, page.stem)):
             print(path)
 
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from tyro.conf import Positional, arg
 
 from ...controllers.errors import InvalidValueError
+from ..output.tables import stem_or_hash
 from . import options
 from .options import Count, EnvOptions, JsonOption, within
 
@@ -86,7 +87,7 @@ class Curves(options.Options):
     ceiling: options.RealOrNone = field(default=None, metadata=within(0, 1))
     """Share of pushes, 0 to 1, that is drawn as the ceiling, such as that of hard (docs/search.md)."""
     out: options.Directory = None
-    """Directory for curves.png and curves.svg (default: runs/curves)."""
+    """Directory for curves.png and curves.svg, or curves-A-B.* of named policies (default: runs/curves)."""
 
     def run(self) -> None:
         """Draw, and print the last point of each."""
@@ -105,7 +106,8 @@ class Curves(options.Options):
         for curve in curves:
             first, last, steps = curve.recovered[0], curve.recovered[-1], curve.timesteps[-1]
             print(f"{curve.name}, {curve.profile}: {first:.3f} -> {last:.3f} after {steps} actions")
-        for path in save_learning_curves(curves, lines, directory, "curves"):
+        named = "" if self.policies == ("",) else f"-{stem_or_hash(names, ' '.join(names))}"
+        for path in save_learning_curves(curves, lines, directory, f"curves{named}"):
             print(path)
 
 

@@ -94,6 +94,7 @@ def markdown_page(title: str, tables: Iterable[Table]) -> str:
 
 
 LONGEST_STEM = 80
+ASKED = "asked"  # entry of report.json: what a question is about besides policies
 
 
 def file_stem(text: str) -> str:
@@ -107,24 +108,37 @@ def stem_or_hash(words: Sequence[str], whole: str) -> str:
     return stem if 0 < len(stem) <= LONGEST_STEM else hashlib.sha256(whole.encode()).hexdigest()[:8]
 
 
-def named_apart(directory: Path, policies: Iterable[str]) -> str:
+def named_apart(directory: Path, policies: Iterable[str], more: Sequence[str] = ()) -> str:
     """What names of files about these policies end on, so that nothing is lost: "", or "-A-B".
 
-    The first policies that are asked about in a directory have report.json; others have report-A-B.json.
+    The first question that is asked in a directory has report.json, and another one report-A-B.json.
+
+    Args:
+        directory: of the reports.
+        policies: that the question is about.
+        more: what else may differ from one question to the next there, in words.
     """
-    path, names = directory / "report.json", list(policies)
-    if not path.is_file() or list(read_json(path)["policies"]) == names:
+    path, asked = directory / "report.json", [*policies, *more]
+    if not path.is_file():
         return ""
-    return f"-{stem_or_hash(names, ' '.join(names))}"
+    first = read_json(path)
+    if [*first["policies"], *first.get(ASKED, ())] == asked:
+        return ""
+    return f"-{stem_or_hash(asked, ' '.join(asked))}"
 
 
-def write_reports(directory: Path, content: Mapping[str, Any], markdown: str) -> Path:
+def write_reports(
+    directory: Path, content: Mapping[str, Any], markdown: str, more: Sequence[str] = ()
+) -> Path:
     """Write report.json, with an entry "policies", and report.md; returns the path of the latter.
 
-    Where they are there and of other policies, the names of these come after "report".
+    Where they answer another question, the names have what `named_apart` says after "report".
     """
-    stem = f"report{named_apart(directory, content['policies'])}"
-    write_text(directory / f"{stem}.json", json.dumps(content, indent=1) + "\n")
+    stem, asked = (
+        f"report{named_apart(directory, content['policies'], more)}",
+        {ASKED: list(more)} if more else {},
+    )
+    write_text(directory / f"{stem}.json", json.dumps({**content, **asked}, indent=1) + "\n")
     path = directory / f"{stem}.md"
     write_text(path, markdown)
     return path

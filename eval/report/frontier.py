@@ -108,6 +108,11 @@ def _impulse_cell(entry: Mapping[str, Any], name: str) -> str:
     return f"{entry[f'{name}_Ns']:.0f} ({low:.0f} to {high:.0f}); {entry[f'{name}_Ns_per_kg']:.2f}"
 
 
+def question(frontier: Frontier) -> tuple[str, ...]:
+    """What one frontier of a directory asks, besides its policies, that another one may not."""
+    return (f"{len(next(iter(frontier.rows.values())))} directions",)
+
+
 def write_frontier_reports(frontier: Frontier) -> Path:
     """Write report.md, whose path is returned, and report.json, with the limits of every fall."""
     policies = {}
@@ -118,7 +123,7 @@ def write_frontier_reports(frontier: Frontier) -> Path:
             "directions": [{**entry, "falls": row["falls"]} for entry, row in entries]
         }
     markdown = markdown_page("Frontier", [frontier_table(frontier), replicas_table(frontier)])
-    return write_reports(frontier.directory, {"policies": policies}, markdown)
+    return write_reports(frontier.directory, {"policies": policies}, markdown, question(frontier))
 
 
 STYLES = {OWN: "k-", PAPER: "k--", POINT_FOOT: "k:", STAND: "k-."}
@@ -195,7 +200,7 @@ def save_pictures(frontier: Frontier) -> list[Path]:
     )
     axes.set_ylim(0.0, furthest_of(frontier, curves))
     figure.legend(loc="outside lower center", fontsize="small", ncols=2)
-    own = named_apart(frontier.directory, frontier.rows)
+    own = named_apart(frontier.directory, frontier.rows, question(frontier))
     return write_pictures(figure, frontier.directory, f"frontier{own}")
 
 

@@ -4,7 +4,7 @@ import base64
 import json
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -33,14 +33,20 @@ class Reproduction:
     """Result of one run of the command."""
 
     content: dict[str, Any]  # of the sections that ran
-    tables: list[Table]
+    known: dict[str, Any]  # of those, and of the ones that ran in the directory before
+    tables: list[Table]  # of the sections that ran
     pictures: list[Path]
     directory: Path
 
     @cached_property
     def claims(self) -> list[Claim]:
         """The paper's claims held against the numbers; none where a section that they need has not run."""
-        return list(claims(self.content)) if self.content.keys() >= NEEDED else []
+        return list(claims(self.known)) if self.known.keys() >= NEEDED else []
+
+    @property
+    def sections(self) -> list[Section]:
+        """Those that are known."""
+        return [one for one in SECTIONS if one.name.replace("-", "_") in self.known]
 
 
 def reproduce(
@@ -76,7 +82,8 @@ def reproduce(
     directory = directory or default_directory("reproduce", config())
     with open_store(directory, overwrite) as store:  # to the end: the result is read and written again
         if overwrite:
-            (directory / RESULT).unlink(missing_ok=True)
+            for name in (RESULT, *(name for name, _ in SHOWN)):
+                (directory / name).unlink(missing_ok=True)
         rows = run_jobs([job for one in chosen for job in one.jobs(directions)], store, workers)
         return _written(chosen, rows, directions, directory, page)
 
@@ -88,14 +95,14 @@ def _written(
     content = {name: part for one in chosen for name, part in one.summary(rows, directions).items()}
     together = {**_earlier(directory), **content}
     write_text(directory / RESULT, json.dumps(together, indent=1, allow_nan=False) + "\n")
-    known = [one for one in SECTIONS if one.name.replace("-", "_") in together]
-    every = {one.name: one.tables(together) for one in known}
-    write_text(directory / TABLES, "\n".join(table_text(table) for part in every.values() for table in part))
     tables = [table for one in chosen for table in one.tables(content)]
     pictures = [path for one in chosen for path in one.draw(content, directory)]
+    found = Reproduction(content, together, tables, pictures, directory)
+    every = {one.name: one.tables(together) for one in found.sections}
+    write_text(directory / TABLES, "\n".join(table_text(table) for part in every.values() for table in part))
     if page is not None:
         pictures += write_page(content, every, directory, page)
-    return Reproduction(content, tables, pictures, directory)
+    return found
 
 
 def _earlier(directory: Path) -> dict[str, Any]:
@@ -113,17 +120,20 @@ CODE = str.maketrans("", "", "`")  # marks of Markdown, which HTML has none of
 
 
 def write_reproduction_page(found: Reproduction, command: Command) -> Path:
-    """Write report.html beside the rows of a reproduction; returns its path.
+    """Write report.html beside the rows of a reproduction, of all sections that are known; returns its path.
 
     Raises:
         MissingExtraError: jinja2 is not installed.
     """
+    if found.known.keys() > found.content.keys():
+        command = replace(command, words=command.words[:1])  # which runs every section
+    tables = [table for one in found.sections for table in one.tables(found.known)]
     content = {
         "title": "The paper's results, measured again",
         "verdict": verdict(found.claims),
         "claims": _plain("Claim by claim", ("claim", "paper", "here", "verdict"), found.claims, 4),
-        "pictures": pictures(found.pictures, found.directory),
-        "tables": [_plain(table.title, table.columns, table.rows) for table in found.tables],
+        "pictures": pictures(found.directory),
+        "tables": [_plain(table.title, table.columns, table.rows) for table in tables],
         "manifest": manifest(command, [rows_hash(found.directory)], "nothing is random"),
     }
     return write_report(found.directory, "reproduction.html", content)
@@ -152,13 +162,13 @@ def verdict(known: Sequence[Claim]) -> str:
     )
 
 
-def pictures(paths: Sequence[Path], directory: Path) -> list[tuple[str, str]]:
-    """Caption and content of each picture that stands for a figure of the paper; folders have variants."""
-    by_name = {path.name: path for path in paths if path.parent == directory}
+def pictures(directory: Path) -> list[tuple[str, str]]:
+    """Caption and content of each picture there that stands for a figure of the paper."""
     found = []
     for name, caption in SHOWN:
-        if name in by_name:
-            content = base64.b64encode(by_name[name].read_bytes()).decode()
-            kind = TYPES[by_name[name].suffix]
+        path = directory / name
+        if path.is_file():
+            content = base64.b64encode(path.read_bytes()).decode()
+            kind = TYPES[path.suffix]
             found.append((caption.translate(CODE), f"data:{kind};base64,{content}"))
     return found

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import gymnasium as gym
 
-from ...controllers.errors import InvalidValueError, UnknownNameError
+from ...controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
 from ...controllers.files import read_file
 from ...controllers.model.robot import SAME, Similarity
 from ...controllers.policies.learned import read_policy
@@ -22,8 +22,8 @@ from ...envs.robots.compiled_robot import compiled_robot, robot_digest
 from ...envs.robots.description import robot_description
 from ...envs.scenario.scenario import EXACT, Profile, Scenario, get_profile
 from . import DEFAULT_ENV, NAMESPACE
-from .contract import contract_name, read_contract
-from .load_policy import import_from_here, is_policy_file, source_of
+from .contract import contract_name, is_contract, read_contract
+from .load_policy import FOLDER, import_from_here, is_policy_file, policy_names, shipped_names, source_of
 
 ROBOT_FILE = ".robot.json"
 FULL_BODY = "FullBody"  # in the id of the form whose actions drive all joints
@@ -156,6 +156,27 @@ def contender_env(env: Any, env_id: str, policy: str, **kwargs: Any) -> gym.Env:
     if robot_file := EnvName.parse(env_id).robot:
         kwargs = {"robot": robot_file, **kwargs}
     return make_env(full_body_form(env_id), **kwargs)
+
+
+def can_take(env: Any, name: str) -> bool:
+    """Whether a policy by name is made for an environment's robot, and the package it comes in is there."""
+    core, made_for = env.unwrapped.episodes.core, env.unwrapped
+    if is_contract(name):
+        if not hasattr(core, "body"):
+            return False
+        try:
+            read_contract(name).servos(joint_names(compiled_robot(driven(core.body.description))))
+        except PushRecoveryError:
+            return False
+    if name in shipped_names():
+        policy = read_policy(FOLDER / name)[2]
+        return (policy.robot, policy.limits) == (made_for.robot, made_for.limits)
+    return True
+
+
+def policy_names_for(env: Any) -> tuple[str, ...]:
+    """`policy_names` without those that an environment's robot can't take."""
+    return tuple(name for name in policy_names() if can_take(env, name))
 
 
 def own_env(env: Any, env_id: str, policy: Any, **kwargs: Any) -> gym.Env | None:

@@ -21,7 +21,7 @@ from ...controllers.files import is_file, read_file
 from ...controllers.model.gait_box import GAIT_SIZE
 from ...controllers.policies import two_stage
 from ...controllers.policies.interface import Policy, as_policy
-from ...controllers.policies.learned import NetworkPolicy, policy_paths, read_policy
+from ...controllers.policies.learned import NetworkPolicy, policy_paths
 from ...envs.joint.full_body import FullBodyEpisodes
 from ...envs.wrappers import ResidualAction, ResidualVectorEnv
 from .. import sampling_mpc
@@ -222,18 +222,6 @@ def make_policy(name: str, env: Any) -> Policy:
 def policy_names() -> tuple[str, ...]:
     """Names that `make_policy` knows: analytic ones, sampling MPC, those of packages, those that ship."""
     return (*two_stage.POLICY_NAMES, sampling_mpc.NAME, *PACKAGED, *shipped_names())
-
-
-def policy_names_for(env: Any) -> tuple[str, ...]:
-    """`policy_names` without the ones that ship for another robot or gait box than an environment's."""
-    ours = env.unwrapped.robot, env.unwrapped.limits
-
-    def fits(name: str) -> bool:
-        made_for = read_policy(FOLDER / name)[2]
-        return (made_for.robot, made_for.limits) == ours
-
-    ship = shipped_names()
-    return tuple(name for name in policy_names() if name not in ship or fits(name))
 
 
 def is_policy_file(name: str) -> bool:

@@ -396,7 +396,11 @@ def write_evaluation_reports(evaluation: Evaluation, reported: Evaluation) -> Pa
 def comparison_table(comparison: Comparison) -> Table:
     """Pairs of outcomes of two policies, the difference of their rates, and its p."""
     a, b, content = comparison.a, comparison.b, comparison.to_dict()
-    low, high = content["ci95"]
+    (low, high), scores = content["ci95"], [comparison.evaluation.score(name) for name in (a, b)]
+    counted = [
+        ("turned", *count_cells(*(one.turned for one in scores))),
+        ("bent", *count_cells(*(one.bent for one in scores))),
+    ]
     return Table(
         f"{comparison.evaluation.env_id}: {content['pairs']} pairs of suite {content['suite']}",
         ("", "value"),
@@ -408,8 +412,10 @@ def comparison_table(comparison: Comparison) -> Table:
             (f"rate of {a} minus rate of {b}",
              f"{content['rate_difference']:+.3f} ({low:+.3f} to {high:+.3f})"),
             (f"survived {a}, {b}", f"{content['survived_a']}, {content['survived_b']}"),
+            *((f"{name} {a}, {b}", ", ".join(counts)) for name, *counts in counted),
             ("exact McNemar p", f"{content['mcnemar_p']:.3g}"),
         ],
+        TURNED_NOTE,
     )  # fmt: skip
 
 
@@ -417,11 +423,14 @@ def profiles_table(evaluations: Evaluations) -> Table:
     """Rates of each policy, that of recovery with its Wilson interval, profile beside profile."""
     first, lines = next(iter(evaluations.values())), []
     for policy in first.rows:
-        scores = [evaluation.score(policy) for evaluation in evaluations.values()]
-        cells = [("{} ({})".format(*rate_cells(one)), f"{one.survived / one.episodes:.3f}") for one in scores]
-        lines.append((policy, *(text for pair in cells for text in pair)))
-    headings = (heading for name in evaluations for heading in (f"recovered, {name}", "survived"))
-    return Table(evaluation_title(first), ("policy", *headings), lines, RECOVERED_NOTE)
+        cells: list[str] = []
+        for evaluation in evaluations.values():
+            one = evaluation.score(policy)
+            rates = "{} ({})".format(*rate_cells(one)), f"{one.survived / one.episodes:.3f}"
+            cells += *rates, *count_cells(one.turned, one.bent)
+        lines.append((policy, *cells))
+    headings = (text for name in evaluations for text in (f"recovered, {name}", "survived", "turned", "bent"))
+    return Table(evaluation_title(first), ("policy", *headings), lines, f"{RECOVERED_NOTE} {TURNED_NOTE}")
 
 
 def kept_table(a: Evaluation, b: Evaluation, title: str) -> Table:
@@ -441,12 +450,12 @@ def kept_table(a: Evaluation, b: Evaluation, title: str) -> Table:
 
 
 def write_profiles(evaluations: Evaluations, directory: Path) -> Path:
-    """Write profiles.md: rates side by side, then each profile against the first; returns its path.
+    """Write profiles-exact-hardware.md: rates side by side, then each against the first; returns its path.
 
-    It is named like the reports of the first profile, which come before: profiles-A-B.md with report-A-B.md.
+    Policies are added as to the reports of the first profile, which come before.
     """
     (first, base), *others = evaluations.items()
     tables = [kept_table(base, one, f"{name} against {first}") for name, one in others]
-    path = directory / f"profiles{named_apart(base.directory, base.rows)}.md"
+    path = directory / f"profiles-{'-'.join(evaluations)}{named_apart(base.directory, base.rows)}.md"
     write_text(path, markdown_page("Profiles", [profiles_table(evaluations), *tables]))
     return path

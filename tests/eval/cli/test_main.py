@@ -508,32 +508,52 @@ def test_two_policies_leave_page_and_reports_of_others_in_their_directory_alone(
     assert list(json.loads(kept["report.json"])["policies"]) == ["passive"]
 
 
-def test_several_profiles_and_a_frontier_leave_files_of_other_policies_alone(tmp_path):
-    few, common = tmp_path / "few.json", ["--workers", "1", "--out"]
-    Suite("few", "1", get_suite("quick").scenarios[:1]).save(few)
-    several = [
-        "evaluate",
-        *common,
-        str(tmp_path / "two"),
-        "--suite",
-        str(few),
-        "--profile",
-        "exact",
-        "weighed",
+FRONTIER = ["frontier", "--env", PENDULUM, "--replicas", "2", "--grid", "200", "--policies"]
+PROFILES = ["evaluate", "--suite", "{few}", "--policies", "stage-1", "--profile", "exact"]
+AGAIN = {  # a command, and another question of the same one in the same directory
+    "evaluate": (SHARING["evaluate"], [*SHARING["evaluate"][:-2], "passive"]),
+    "profiles": ([*PROFILES, "hardware"], [*PROFILES, "weighed"]),
+    "frontier": ([*FRONTIER, "stage-1", "--directions", "1"], [*FRONTIER, "two-stage", "--directions", "1"]),
+    "directions": ([*FRONTIER, "stage-1", "--directions", "1"], [*FRONTIER, "stage-1", "--directions", "2"]),
+    "corrections": (
+        SHARING["corrections"], ["corrections", "residual-hardware", *SHARING["corrections"][2:]]
+    ),
+    "curves": (["curves", "residual"], ["curves", "joint-residual"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", AGAIN)
+def test_another_question_changes_nothing_that_the_first_has_left(name, tmp_path):
+    few, shared = tmp_path / "few.json", tmp_path / "shared"
+    Suite("few", "1", get_suite("quick-1").scenarios[:2]).save(few)
+    left = []
+    for words in AGAIN[name]:
+        words = [word.format(few=few) for word in words]
+        workers = [] if words[0] in {"corrections", "curves"} else ["--workers", "1"]
+        assert main([*words, *workers, "--out", str(shared)]) == 0
+        left.append(content_of(shared))
+    before, after = left
+    for one in [one for one in before if one.endswith("outcomes.jsonl")]:
+        assert after.pop(one).startswith(before.pop(one))
+    timeless = [
+        {one: re.sub(rb'"wall_time_s": [0-9.]+', b"", each.get(one, b"")) for one in before} for each in left
     ]
-    frontier = [*SHARING["frontier"][:3], *SHARING["frontier"][5:], *common, str(tmp_path / "one")]
-    for words, place, names in (
-        (several, "two", {"profiles.md", "exact/report.md", "weighed/report.json"}),
-        (frontier, "one", {"frontier.json", "frontier.png", "frontier.svg", "report.md", "report.json"}),
-    ):
-        assert main([*words, "--policies", "stage-1"]) == 0
-        before = content_of(tmp_path / place)
-        assert main([*words, "--policies", "two-stage"]) == 0
-        after = content_of(tmp_path / place)
-        for name in names:
-            assert after[name] == before[name], name
-            stem, kind = name.rsplit(".", 1)
-            assert f"{stem}-two-stage.{kind}" in after
+    assert timeless[0] == timeless[1]
+    assert after.keys() > before.keys()
+
+
+def test_a_part_of_the_paper_keeps_the_others_on_the_page(tmp_path):
+    pytest.importorskip("jinja2", reason="needs the extra report")
+    words = ["--directions", "1", "--workers", "1", "--out", str(tmp_path)]
+    assert main(["reproduce", "limits", *words]) == 0
+    first = (tmp_path / "report.html").read_text()
+    assert main(["reproduce", "scenario-2", *words]) == 0
+    both = (tmp_path / "report.html").read_text()
+    captions = [one for one in re.findall(r"<h[34]>.*?</h[34]>|<figcaption>.*?</figcaption>", first) if one]
+    assert captions
+    assert all(one in both for one in captions)
+    assert len(both) > len(first)
+    assert "<span>push-recovery</span> <span>reproduce</span> <span>--directions</span>" in both
 
 
 @pytest.mark.parametrize(("first", "second"), list(permutations(SHARING, 2)))

@@ -122,6 +122,7 @@ def test_the_command_tells_it(constant, tmp_path):
     words = ["corrections", str(file), "--sample", "2", "--out", str(tmp_path / "out")]
     done = subprocess.run([sys.executable, "-m", "push_recovery", *words], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "out" / "corrections.md").read_text() in done.stdout
+    (page,) = (tmp_path / "out").glob("corrections-*.md")
+    assert page.read_text() in done.stdout
     written = {path.name for path in (tmp_path / "out").iterdir()}
-    assert written == {"corrections.md", "corrections.png", "corrections.svg"}
+    assert written == {f"{page.stem}.{kind}" for kind in ("md", "png", "svg")}

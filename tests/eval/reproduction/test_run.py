@@ -134,14 +134,14 @@ def test_the_headline_counts_the_verdicts():
 
 
 def test_the_terminal_has_every_claim_behind_its_verdict():
-    known = Reproduction(CONTENT, [], [], Path()).claims
+    known = Reproduction({}, CONTENT, [], [], Path()).claims
     table = claims_table(known)
     assert table.columns == ("verdict", "claim")
     assert len(table.rows) == len(known) == 14
     assert {word for word, _ in table.rows} <= {REPRODUCED, DIFFERS, UNSTATED}
     assert table.rows[0][1].startswith("(a) Step place and time alone do not recover from 315 N")
     assert not any("`" in cell for row in table.rows for cell in row)
-    assert Reproduction({"scenario_1": CONTENT["scenario_1"]}, [], [], Path()).claims == []
+    assert Reproduction({}, {"scenario_1": CONTENT["scenario_1"]}, [], [], Path()).claims == []
 
 
 def test_pictures_are_inside_the_page_in_the_papers_order(tmp_path):
@@ -149,7 +149,7 @@ def test_pictures_are_inside_the_page_in_the_papers_order(tmp_path):
         (tmp_path / name).write_bytes(name.encode())
     (tmp_path / "scaled-weights").mkdir()
     (tmp_path / "scaled-weights" / "fig3_paths.png").write_bytes(b"of other weights")
-    found = pictures(sorted(tmp_path.rglob("*.*")), tmp_path)
+    found = pictures(tmp_path)
     content = [re.fullmatch(r"data:image/(png|gif);base64,(.*)", data) for _, data in found]
     assert [base64.b64decode(match[2]).decode() for match in content if match] == [
         "fig3_paths.png", "fig5_motion.gif", "fig7_limits.png"

@@ -281,10 +281,16 @@ def profiles(evaluation):
 def test_recovered_and_survived_of_each_profile_stand_side_by_side(profiles):
     table = report.profiles_table(profiles)
     assert table.columns == (
-        "policy", "recovered, exact", "survived", "recovered, hardware", "survived"
+        "policy", "recovered, exact", "survived", "turned", "bent",
+        "recovered, hardware", "survived", "turned", "bent",
     )  # fmt: skip
     # Wilson (1927), z = 1.959964: 3 of 4 and 2 of 4
-    assert table.rows == [("p", "0.750 (0.301-0.954)", "1.000", "0.500 (0.150-0.850)", "0.750")]
+    assert table.rows == [
+        ("p", "0.750 (0.301-0.954)", "1.000", "-", "0", "0.500 (0.150-0.850)", "0.750", "-", "0")
+    ]
+    for one in profiles["exact"].rows["p"][:2]:  # 1.6 rad is 91.7 degrees, 0.6 rad 34.4
+        one["measures"] |= {"trunk_excursion": 1.6, "heading_error": 0.6}
+    assert report.profiles_table(profiles).rows[0][3:5] == ("2", "2")
 
 
 def test_what_is_kept_is_a_share_of_its_own(profiles, evaluation, tmp_path):
@@ -312,7 +318,7 @@ def test_the_command_runs_a_suite_under_several_profiles(tmp_path, capsys):
     assert main([*argv, *out, "--profile", "exact", "hardware"]) == 0  # of the rows that are there
     said = capsys.readouterr().out
     assert "recovered, hardware" in said
-    assert str(tmp_path / "out" / "profiles.md") in said
+    assert str(tmp_path / "out" / "profiles-exact-hardware.md") in said
     assert (tmp_path / "out" / "hardware" / "report.md").is_file()
 
 
