@@ -145,11 +145,10 @@ def with_progress(settings: TrainingSettings, out: Path, train: Callable[[Report
     with ExitStack() as stack:
         bars: list[Bars] = []
 
-        def report(done: int, recovered: float | None) -> None:
+        def report(done: int, words: str) -> None:
             if not bars:
                 bars.append(stack.enter_context(progress_bars([name], timesteps, work, {name: done})))
-            note = "" if recovered is None else f"{100 * recovered:.0f} % recovered"
-            bars[0].set(name, min(done, timesteps), note)
+            bars[0].set(name, min(done, timesteps), words)
 
         return train(report)
 

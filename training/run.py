@@ -23,6 +23,7 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.utils import safe_mean
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.files import read_file, sync_names, write_atomically
@@ -119,7 +120,7 @@ POLICY, TAUGHT = "policy", "taught"  # files of the result and of what a teacher
 CHECKPOINTS, KEPT_CHECKPOINTS, FORMAT_VERSION = "checkpoints", 2, 1
 PACKAGES = ("torch", "stable-baselines3", "mujoco", "gymnasium", "numpy", "numba")
 ROUND = 4.5  # seconds of one core that a round of imitation takes, about
-SILENT: Report = lambda timesteps, recovered: None  # noqa: E731
+SILENT: Report = lambda timesteps, words: None  # noqa: E731
 
 
 @dataclass(frozen=True)
@@ -176,11 +177,16 @@ class TrainingResult:
 
 
 class Progress(BaseCallback):
-    """Reports after each rollout, and the share of training episodes that recovered to TensorBoard."""
+    """Reports after each rollout, and the share of training episodes that recovered to TensorBoard.
 
-    def __init__(self, report: Report):
+    Args:
+        report: Told mean reward and recovered share of the last 100 episodes, then what `judged` says.
+        judged: How the policy does without noise, in words.
+    """
+
+    def __init__(self, report: Report, judged: Callable[[], str]):
         super().__init__()
-        self.report = report
+        self.report, self.judged = report, judged
         self.recovered: deque[bool] = deque(maxlen=100)
 
     def _on_step(self) -> bool:
@@ -190,10 +196,13 @@ class Progress(BaseCallback):
         return True
 
     def _on_rollout_end(self) -> None:
-        share = float(np.mean(self.recovered)) if self.recovered else None
-        if share is not None:
+        words = [self.judged()]
+        if self.recovered:
+            share = float(np.mean(self.recovered))
             self.logger.record("rollout/recovered", share)
-        self.report(self.num_timesteps, share)
+            reward = safe_mean([episode["r"] for episode in self.model.ep_info_buffer or ()])
+            words.insert(0, f"reward {reward:.0f}, recovered {share:.0%}")
+        self.report(self.num_timesteps, ", ".join(words))
 
 
 class Every(BaseCallback):
@@ -245,7 +254,7 @@ class Run:
         self._report = report
         taught = checkpoint is None and settings.teacher  # then imitation reports first
         if not taught:
-            report(self.start, None)  # the walks from which robots are pushed take long
+            report(self.start, "")  # the walks from which robots are pushed take long
         seed = builders.segment_seed(settings.seed, self.start)
         self.venv = builders.make_vec_env(settings, self.one, seed)
         self.algorithm = make_algorithm(settings, self.venv, seed, out / "tensorboard")
@@ -255,7 +264,7 @@ class Run:
             self.algorithm.start_from(first)
         elif taught:
             self.algorithm.start_from(taught_policy(settings, out / TAUGHT))
-            report(self.start, None)
+            report(self.start, "")
         self.curve = [p for p in read_curve(out / "curve.csv") if checkpoint and p.timesteps <= self.start]
 
     @property
@@ -285,7 +294,7 @@ class Run:
                 self.evaluate()
             if settings.timesteps > self.start:
                 callbacks = [
-                    Progress(self._report),
+                    Progress(self._report, self.judged),
                     Every(settings.evaluate_every, self.evaluate, self.curve[-1].timesteps),
                     Every(settings.checkpoint_every, self.checkpoint, self.start),
                 ]
@@ -324,6 +333,11 @@ class Run:
         if self.timesteps > 0 and hasattr(self.algorithm.model, "_logger"):
             for name in ("recovered", "survived", "mean_reward"):
                 self.algorithm.model.logger.record(f"eval/{name}", getattr(point, name))
+
+    def judged(self) -> str:
+        """The first point of the curve, which of corrections is the planner's, and the newest, in words."""
+        first, newest = self.curve[0], self.curve[-1]
+        return f"curve {first.recovered:.0%} -> {newest.recovered:.0%}"
 
     def checkpoint(self) -> None:
         """Write OUT/checkpoints/<timesteps> whole, then drop all but the newest two."""

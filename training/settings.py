@@ -50,7 +50,7 @@ LATER: dict[str, Any] = {
     "retries": 0,
 }
 # of runs before these settings
-Report = Callable[[int, float | None], None]  # timesteps so far, recovered share of the last 100 episodes
+Report = Callable[[int, str], None]  # timesteps so far, and how it goes, in words
 Widths = Annotated[tuple[int, ...], arg(metavar="N [N ...]")]
 
 

@@ -56,7 +56,7 @@ def stop_at():
     """Reports that interrupt training as Ctrl-C would, from a number of timesteps on."""
 
     def made(timesteps):
-        def report(done, recovered):
+        def report(done, words):
             if done >= timesteps:
                 raise KeyboardInterrupt
 

@@ -63,7 +63,7 @@ def test_a_run_that_was_stopped_goes_on(recipes, tmp_path, stop_at):
         train_recipe("joint", tmp_path, stop_at(256))
     assert not is_complete(tmp_path, "joint")
     seen = []
-    train_recipe("joint", tmp_path, lambda timesteps, recovered: seen.append(timesteps))
+    train_recipe("joint", tmp_path, lambda timesteps, words: seen.append(timesteps))
     assert seen == [256, 512]
     assert is_complete(tmp_path, "joint")
 

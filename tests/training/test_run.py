@@ -378,19 +378,20 @@ def ended(progress: Progress, *infos) -> None:
 
 def test_recovered_is_standing_and_settled(monkeypatch):
     told, logger = [], Logger()
-    progress = Progress(lambda timesteps, share: told.append(share))
+    progress = Progress(lambda timesteps, words: told.append(words), lambda: "curve 40% -> 60%")
     monkeypatch.setattr(Progress, "logger", logger)
     progress._on_rollout_end()
-    assert told == [None]  # no episode has ended yet
-    progress.model = type("Model", (), {"num_timesteps": 0})()  # type: ignore[assignment]
+    assert told == ["curve 40% -> 60%"]  # no episode has ended yet
+    episodes = [{"r": 100.0}, {"r": 300.0}, {"r": 200.0}, {"r": 250.0}]  # the mean is 212.5
+    progress.model = type("Model", (), {"num_timesteps": 0, "ep_info_buffer": episodes})()  # type: ignore[assignment]
     ended(progress, FELL, STOOD, RECOVERED, RECOVERED)
     progress._on_rollout_end()
-    assert told == [None, 0.5]
+    assert told[1:] == ["reward 212, recovered 50%, curve 40% -> 60%"]
     assert logger.values == {"rollout/recovered": 0.5}
 
 
 def test_only_episodes_that_end_count(monkeypatch):
-    progress = Progress(lambda timesteps, share: None)
+    progress = Progress(lambda timesteps, words: None, str)
     progress.model = type("Model", (), {"num_timesteps": 0})()  # type: ignore[assignment]
     progress.locals = {"dones": np.array([False, True, False]), "infos": [RECOVERED, FELL, RECOVERED]}
     progress.on_step()
