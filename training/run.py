@@ -201,7 +201,7 @@ class Progress(BaseCallback):
             share = float(np.mean(self.recovered))
             self.logger.record("rollout/recovered", share)
             reward = safe_mean([episode["r"] for episode in self.model.ep_info_buffer or ()])
-            words.insert(0, f"reward {reward:.0f}, recovered {share:.0%}")
+            words.insert(0, f"reward {reward:.3g}, recovered {share:.0%}")
         self.report(self.num_timesteps, ", ".join(words))
 
 
