@@ -46,7 +46,8 @@ def evaluate(
         workers: processes, which change no result. More than one start this script anew, so that it needs
             `if __name__ == "__main__"`, and need policies that pickle; `ray_workers` gives those of a
             cluster.
-        out: directory of the results; by default one under runs/ named after the configuration.
+        out: directory of the results; by default one under runs/ named after the configuration. Rows of an
+            object that can't be pickled, such as a model together with its environment, are not gone on with.
         overwrite: start over where the directory holds results.
 
     Returns:
