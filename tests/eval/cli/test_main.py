@@ -451,6 +451,7 @@ SHARING = {  # commands that write into a directory that they are given, at thei
     "protocol": ["protocol", "kick", "--env", BIPED, "--episodes", "1"],
     "corrections": ["corrections", "residual", "--suite", "standard", "--sample", "1"],
     "curves": ["curves", "residual"],
+    "basin": ["basin", "--env", PENDULUM, "--points", "2"],
 }  # fmt: skip
 
 
