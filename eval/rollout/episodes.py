@@ -230,7 +230,7 @@ class GymRobot:
     """The one robot of a Gymnasium environment, whose info says how its episode ends.
 
     A context manager: within it a robot of this project is measured at every planning period of its own,
-    also within an action that is held.
+    also within an action that is held, and the running means of wrappers stay as they are.
     """
 
     n = 1
@@ -244,13 +244,22 @@ class GymRobot:
         self._observation: Any = None
         self._steps, self._total, self._fell = 0, 0.0, False
         self.reward = np.zeros(1)  # of the last step
+        self._learning: list[Any] = []  # wrappers whose running means wait
 
     def __enter__(self) -> Self:
+        layer: Any = self.env
+        while isinstance(layer, gym.Wrapper):
+            if getattr(layer, "update_running_mean", False) is True:
+                layer.update_running_mean = False  # type: ignore[attr-defined]
+                self._learning.append(layer)
+            layer = layer.env
         if self._meter is not None:
             self.env.unwrapped.after_period.append(self._meter.look)  # type: ignore[attr-defined]
         return self
 
     def __exit__(self, *_: object) -> None:
+        while self._learning:
+            self._learning.pop().update_running_mean = True
         if self._meter is not None:
             self.env.unwrapped.after_period.remove(self._meter.look)  # type: ignore[attr-defined]
 
