@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import inspect
 import io
 import json
 import pickle
 import zipfile
+from abc import ABC
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,26 +21,57 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import wrappers
 from numpy.typing import NDArray
-from stable_baselines3.common import vec_env
+from stable_baselines3.common import monitor, vec_env
 
-from ..controllers.errors import InvalidValueError, MissingExtraError
+from ..controllers.errors import InvalidValueError, MissingExtraError, PushRecoveryError
 from ..controllers.files import read_file
 from ..controllers.policies.interface import Policy, as_policy
 from ..controllers.policies.learned import LearnedPolicy, PolicyDescription, read_residual
 from ..controllers.policies.residual import Below
 from ..controllers.validation import differences
 from ..envs.episode.gym_env import HOLD, RESIDUAL, Meaning, noted
+from ..envs.episode.vector_env import GaitVectorEnv
+from ..envs.wrappers import ActionHold, ResidualAction
+from ..eval.rollout.environments import make_env
 from .builders import layers_of
+from .settings import env_of_kind
 
 # Settings that the algorithm of a name alone has, the first that fits
 SETTING_OF = {"PPO": "clip_range", "TD3": "target_policy_noise", "SAC": "target_entropy", "A2C": "vf_coef"}
 STATISTICS = "vecnormalize.pkl"  # beside the archive, where it was trained on normalised observations
-HARMLESS = (  # normalisation is taken along
-    vec_env.VecMonitor, vec_env.VecNormalize, vec_env.VecCheckNan, vec_env.VecVideoRecorder
+# What hands on observations and actions as they are, or what a note or the statistics tell of
+HARMLESS = (
+    gym.Wrapper, gym.RewardWrapper, gym.vector.VectorWrapper, gym.vector.VectorRewardWrapper,
+    wrappers.OrderEnforcing, wrappers.PassiveEnvChecker, wrappers.TimeLimit, wrappers.NormalizeReward,
+    wrappers.RecordEpisodeStatistics, wrappers.RecordVideo, wrappers.RenderCollection,
+    wrappers.HumanRendering, wrappers.vector.RecordEpisodeStatistics, wrappers.vector.NormalizeReward,
+    monitor.Monitor, ActionHold, ResidualAction,
+    vec_env.VecMonitor, vec_env.VecNormalize, vec_env.VecCheckNan, vec_env.VecVideoRecorder,
 )  # fmt: skip
-# Beside `ObservationWrapper` and `ActionWrapper`, by name: what steps or stacks more than it is told to
-CHANGING = {"MaxAndSkipEnv", "MaxAndSkipObservation", "FrameStackObservation", "StickyActionEnv"}
+ACTING = (  # methods by which a wrapper changes observations or actions
+    "reset", "step", "step_async", "step_wait", "observation", "observations", "action", "actions",
+    "normalize_obs",
+)  # fmt: skip
+PLAIN = (bool, int, float, complex, str, tuple, list, np.ndarray, np.generic)  # compared by value
+HIDDEN = "what can't be looked at"
+
+
+class Changing(ABC):  # noqa: B024  # asked about classes, of which none inherits
+    """Any wrapper that may change observations or actions: all but `HARMLESS` ones and what acts as they do.
+
+    `isinstance` says so, also in the worker processes of a vector environment, by its `env_is_wrapped`.
+    """
+
+    @classmethod
+    def __subclasshook__(cls, kind: type) -> bool:
+        """Whether a class of wrappers acts in a way of its own."""
+        return not any(
+            issubclass(kind, known)
+            and all(getattr(kind, name, None) is getattr(known, name, None) for name in ACTING)
+            for known in HARMLESS
+        )
 
 
 @dataclass(frozen=True)
@@ -129,9 +162,11 @@ class Trained(NamedTuple):
     seen: gym.Space[Any]  # its observations
     action: gym.Space[Any]
     statistics: Any = None  # of its observations: a VecNormalize
-    changed_by: tuple[str, ...] = ()  # wrappers that change observations or actions in a way of their own
+    within: tuple[str, ...] = ()  # vector wrappers that change observations or actions
+    changed_by: tuple[tuple[str, ...], ...] = ((),)  # such wrappers of each of its environments
     has_env: bool = False  # whether it has the environments of its training still
     path: str = ""  # of its archive
+    env_id: str = ""  # where it has environments that say theirs
 
 
 class ModelPolicy(LearnedPolicy):
@@ -158,10 +193,10 @@ def model_policy(model: Any, env: gym.Env) -> Policy:
     Raises:
         InvalidValueError: the two differ in more, or nothing says what the model was trained in.
     """
-    trained = _of_archive(model) if isinstance(model, ArchivePolicy) else _in_memory(model)
+    trained = _of_archive(model) if isinstance(model, ArchivePolicy) else in_memory(model)
+    check_wrappers(trained, env)
     _check_shapes(trained, env)
-    _check_wrappers(trained, env)
-    _check_normalisation(trained)
+    check_normalisation(trained)
     theirs, here = _meanings(trained, env)
     residual, hold = _correction(trained, theirs, here, env)
     if residual is None and hold == 1 and trained.statistics is None:
@@ -169,17 +204,21 @@ def model_policy(model: Any, env: gym.Env) -> Policy:
     if hasattr(getattr(trained.model, "policy", trained.model), "lstm_actor"):
         raise InvalidValueError(
             f"{trained.name} remembers (it is recurrent), so that its actions can't be held, corrected or "
-            f"normalised for {_id_of(env)}: score it in {_words(theirs)} by "
+            f"normalised for {id_of(env)}: score it in {words(theirs, trained.env_id)} by "
             "push_recovery.rollout(model, scenario, env)"
         )
     unwrapped: Any = env.unwrapped
     base = None if residual is None else read_residual(residual)
-    about = PolicyDescription(_id_of(env), unwrapped.robot, unwrapped.limits, base, hold)
+    about = PolicyDescription(id_of(env), unwrapped.robot, unwrapped.limits, base, hold)
     return ModelPolicy(trained, about)
 
 
-def _in_memory(model: Any) -> Trained:
-    """All that is known of a model, which its network alone (its `policy`) would not say."""
+def in_memory(model: Any) -> Trained:
+    """All that is known of a model, which its network alone (its `policy`) would not say.
+
+    Raises:
+        InvalidValueError: it is no model, or was trained on observations that were normalised twice.
+    """
     name = f"the model {type(model).__name__}"
     if not hasattr(model, "get_env"):
         raise InvalidValueError(
@@ -189,15 +228,45 @@ def _in_memory(model: Any) -> Trained:
     venv = model.get_env()
     if venv is None:
         return Trained(name, model, model.observation_space, model.action_space)
-    statistics, changed_by, seen, action = None, [], venv.observation_space, venv.action_space
+    seen, action, statistics, within = venv.observation_space, venv.action_space, normaliser(venv), []
     while isinstance(venv, vec_env.VecEnvWrapper):
-        if isinstance(venv, vec_env.VecNormalize):
-            statistics = venv if venv.norm_obs else None
-        elif not isinstance(venv, HARMLESS):
-            changed_by.append(type(venv).__name__)
+        within += [type(venv).__name__] * isinstance(venv, Changing)
         venv = venv.venv
-    changed_by += [name for env in list(getattr(venv, "envs", ()))[:1] for name in _changing(env)]
-    return Trained(name, model, seen, action, statistics, tuple(changed_by), has_env=True)
+    env = (getattr(venv, "envs", None) or [getattr(venv, "env", None)])[0]
+    env_id = getattr(getattr(env, "spec", None), "id", "")
+    known = statistics, tuple(within), _changing_each(venv)
+    return Trained(name, model, seen, action, *known, has_env=True, env_id=env_id)
+
+
+def normaliser(venv: vec_env.VecEnv | None) -> vec_env.VecNormalize | None:
+    """The one layer of a vector environment that normalises observations, or None.
+
+    Raises:
+        InvalidValueError: there are several.
+    """
+    found = []
+    while isinstance(venv, vec_env.VecEnvWrapper):
+        found += [venv] * (isinstance(venv, vec_env.VecNormalize) and venv.norm_obs)
+        venv = vars(venv).get("venv")  # which pickled statistics lack
+    if len(found) > 1:
+        raise InvalidValueError(
+            f"{len(found)} layers of VecNormalize normalise the observations one after the other, and a "
+            "policy takes one along: train with norm_obs=False in all others"
+        )
+    return found[0] if found else None
+
+
+def _changing_each(venv: Any) -> tuple[tuple[str, ...], ...]:
+    """Of each environment of a vector environment, the wrappers that change what is seen or done."""
+    if hasattr(venv, "envs"):
+        return tuple(tuple(changing(env)) for env in venv.envs)
+    shared = getattr(getattr(venv, "env", None), "unwrapped", None)  # a vector environment of Gymnasium
+    hidden = isinstance(shared, gym.vector.VectorEnv) and not isinstance(shared, GaitVectorEnv)
+    try:
+        hidden = (hidden and not hasattr(shared, "envs")) or any(venv.env_is_wrapped(Changing))
+    except (NotImplementedError, OSError, EOFError):  # it can't say, or its workers have ended
+        hidden = True
+    return ((HIDDEN,),) if hidden else ((),)
 
 
 def _of_archive(archive: ArchivePolicy) -> Trained:
@@ -208,15 +277,22 @@ def _of_archive(archive: ArchivePolicy) -> Trained:
     return Trained(name, model, model.observation_space, model.action_space, found, path=archive.path)
 
 
-def _changing(env: gym.Env) -> Iterator[str]:
+def changing(env: gym.Env) -> Iterator[str]:
     """Wrappers that change what is seen or done, from the outermost on, each with what it was made with."""
     for layer in layers_of(env):
-        if isinstance(layer, gym.ObservationWrapper | gym.ActionWrapper) or type(layer).__name__ in CHANGING:
-            settings = getattr(layer, "_saved_kwargs", {})
+        if isinstance(layer, Changing):
             statistics = getattr(layer, "obs_rms", None)
             known = {} if statistics is None else {"mean": statistics.mean, "variance": statistics.var}
-            written = ", ".join(f"{key}={value}" for key, value in {**settings, **known}.items())
-            yield f"{type(layer).__name__}({written})"
+            made = {**_made_with(layer), **known}.items()
+            written = (value.tolist() if isinstance(value, np.ndarray) else value for _, value in made)
+            yield f"{type(layer).__name__}({dict(zip(dict(made), written, strict=True))})"
+
+
+def _made_with(layer: gym.Wrapper) -> dict[str, Any]:
+    """What a wrapper says that it was made with, or what it keeps of it under the same names."""
+    asked, kept = inspect.signature(type(layer).__init__).parameters, vars(layer)
+    found = {name: kept[name] for name in asked if isinstance(kept.get(name), PLAIN)}
+    return getattr(layer, "_saved_kwargs", found)
 
 
 def _check_shapes(trained: Trained, env: gym.Env) -> None:
@@ -225,27 +301,53 @@ def _check_shapes(trained: Trained, env: gym.Env) -> None:
         return
     raise InvalidValueError(
         f"{trained.name} takes observations {_shape(trained.seen)} and gives actions "
-        f"{_shape(trained.action)}, and {_id_of(env)} has {_shape(env.observation_space)} and "
-        f"{_shape(env.action_space)}: score it in the environment of its training, evaluate(..., env=ID)"
+        f"{_shape(trained.action)}, and {id_of(env)} has {_shape(env.observation_space)} and "
+        f"{_shape(env.action_space)}: {_way(trained)}"
     )
 
 
-def _check_wrappers(trained: Trained, env: gym.Env) -> None:
-    here = tuple(_changing(env))
-    if not trained.has_env or trained.changed_by == here:
+def check_wrappers(trained: Trained, env: gym.Env) -> None:
+    """Raise InvalidValueError where a model was trained within other wrappers than those of `env`."""
+    if not trained.has_env:
         return
-    theirs, ours = (
-        ", ".join(made.partition("(")[0] for made in each) or "none" for each in (trained.changed_by, here)
-    )
+    here, each = tuple(changing(env)), trained.changed_by
+    theirs, ours = _names(each[0]), _names(here)
+    may = "which may change observations or actions"
+    if trained.within:
+        raise InvalidValueError(
+            f"{trained.name} was trained within {', '.join(trained.within)} around all its environments, "
+            f"{may}, and one environment has no such wrapper: nothing scores it here, train it with a "
+            "wrapper of each environment instead"
+        )
+    if HIDDEN in theirs:
+        raise InvalidValueError(
+            f"{trained.name} was trained in a vector environment with wrappers that can't be looked at from "
+            f"here, {may}: load it with one environment like those of its training, PPO.load(FILE, env=env), "
+            "and score it by push_recovery.rollout(model, scenario, env)"
+        )
+    if any(_names(one) != theirs for one in each):
+        raise InvalidValueError(
+            f"{trained.name} was trained in environments within unlike wrappers, {may}: load it with the one "
+            "that it is to be scored in, PPO.load(FILE, env=env), and score it by "
+            "push_recovery.rollout(model, scenario, env)"
+        )
+    if here in each:
+        return
+    found = f"{', '.join(ours) or 'none'} of these wrappers"
+    found = "the same with other settings" if theirs == ours else found
     raise InvalidValueError(
-        f"{trained.name} was trained within {theirs}, which changes observations or actions, and "
-        f"{_id_of(env)} has {ours} of these wrappers: score it by push_recovery.rollout(model, "
-        "scenario, env), env wrapped like that of its training; of running means only those of VecNormalize "
-        "are taken along"
+        f"{trained.name} was trained within {', '.join(theirs) or 'no wrapper'}, {may}, and "
+        f"{id_of(env)} has {found}: score it by push_recovery.rollout(model, scenario, env), env wrapped "
+        "like that of its training; of running means only those of VecNormalize are taken along, and what "
+        "changes rewards alone is to be a gymnasium.RewardWrapper"
     )
 
 
-def _check_normalisation(trained: Trained) -> None:
+def _names(written: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(made.partition("(")[0] for made in written)
+
+
+def check_normalisation(trained: Trained, remedy: str = "") -> None:
     """Raise InvalidValueError where a model without its environment lacks its statistics, or has another's.
 
     Observations of this project are doubles, and normalised ones single; a model keeps its last one.
@@ -257,11 +359,12 @@ def _check_normalisation(trained: Trained) -> None:
     if normalised == (trained.statistics is not None):
         return
     if not normalised:
+        beside = f"{STATISTICS} beside it is another model's: move one of them"
         raise InvalidValueError(
-            f"{trained.name} was trained on observations as they are, so that {STATISTICS} beside it is "
-            "another model's: move one of them"
+            f"{trained.name} was trained on observations as they are, so that "
+            f"{beside if trained.path else 'these statistics are of another model: leave them out'}"
         )
-    beside = f"put {STATISTICS} (of VecNormalize.save) beside it, or " if trained.path else ""
+    beside = f"put {STATISTICS} (of VecNormalize.save) beside it, or " if trained.path else remedy
     raise InvalidValueError(
         f"{trained.name} was trained on observations that VecNormalize normalised, and their statistics are "
         f"not here: {beside}load it with them, PPO.load(FILE, env=VecNormalize.load(STATISTICS, venv))"
@@ -276,7 +379,7 @@ def _meanings(trained: Trained, env: gym.Env) -> tuple[Meaning, Meaning]:
     if theirs is None and here is not None:
         raise InvalidValueError(
             f"{trained.name} does not say what environment it was trained in, and to its spaces "
-            f"{_id_of(env)} and one whose actions correct a planner are alike: load it with that of its "
+            f"{id_of(env)} and one whose actions correct a planner are alike: load it with that of its "
             'training, PPO.load(FILE, env=gym.make("push_recovery:PushRecovery/BipedResidual-v0", hold=2)), '
             "or make it a policy file, push_recovery.training.from_sb3.from_sb3(model, env).save(NAME)"
         )
@@ -285,40 +388,88 @@ def _meanings(trained: Trained, env: gym.Env) -> tuple[Meaning, Meaning]:
 
 def _correction(trained: Trained, theirs: Meaning, here: Meaning, env: gym.Env) -> tuple[Meaning | None, int]:
     """The residual and the hold that an environment lacks of what a model was trained in, and no more."""
+    lacks = lacking(theirs, here)
+    if isinstance(lacks, tuple):
+        return lacks
+    raise InvalidValueError(
+        f"{trained.name} was trained in {words(theirs, trained.env_id)}, and {id_of(env)} is "
+        f"{words(here, id_of(env))}: {lacks}; {_way(trained, theirs)}"
+    )
+
+
+def lacking(theirs: Meaning, here: Meaning) -> tuple[Meaning | None, int] | str:
+    """The residual and the hold that one meaning has and another lacks, or why they differ in more."""
     held, residual = theirs.get(HOLD, 1), theirs.get(RESIDUAL)
     held_here, residual_here = here.get(HOLD, 1), here.get(RESIDUAL)
     mine, other = (
         {key: value for key, value in one.items() if key not in {HOLD, RESIDUAL}} for one in (theirs, here)
     )
     if mine != other:
-        flat = ({**one, **one.get("robot", {}), **one.get("limits", {})} for one in (mine, other))
-        why = differences(*({k: v for k, v in one.items() if not isinstance(v, dict)} for one in flat))
-    elif residual == residual_here and held % held_here == 0:
+        return unlike(mine, other) if mine else "nothing says what stands below its hold"
+    if residual == residual_here and held % held_here == 0:
         return None, held // held_here
-    elif residual is None or residual_here is not None or held_here > 1:
-        why = "actions mean different things there"
-    elif residual["policy"] is None:
-        why = "what its actions correct has no name"
-    else:
-        return residual, held
-    raise InvalidValueError(
-        f"{trained.name} was trained in {_words(theirs)}, and {_id_of(env)} is {_words(here)}: "
-        f"{why}; score it in its own, by evaluate(..., env=ID) or push_recovery.rollout(model, scenario, env)"
-    )
+    if residual is None or residual_here is not None or held_here > 1:
+        return f"actions mean different things there ({unlike(theirs, here)})"
+    return "what its actions correct has no name" if residual["policy"] is None else (residual, held)
 
 
-def _words(meaning: Meaning) -> str:
-    """A meaning in the words of errors."""
-    words, residual = str(meaning.get("environment", "an environment of others")), meaning.get(RESIDUAL)
+def unlike(theirs: Meaning, here: Meaning) -> str:
+    """Where two meanings differ, in words; what only one of them has is "none" in the other."""
+    both: tuple[Meaning, Meaning] = {}, {}
+
+    def compare(one: Meaning, other: Meaning) -> None:
+        for key in one | other:
+            pair = one.get(key), other.get(key)
+            if pair[0] != pair[1] and all(isinstance(value, dict) for value in pair):
+                compare(*pair)  # type: ignore[arg-type]
+            elif pair[0] != pair[1]:
+                for values, value in zip(both, pair, strict=True):
+                    values[key] = _brief(value)
+
+    compare({HOLD: 1} | theirs, {HOLD: 1} | here)
+    return differences(*both) or "numbers differ in their last digits"
+
+
+def _brief(value: Any) -> Any:
+    """A value of a meaning, in the words of errors."""
+    if isinstance(value, dict):
+        if "policy" in value:
+            return value["policy"] or "a policy"
+        return ", ".join(f"{key} {_brief(inner)}" for key, inner in value.items())
+    return "none" if value is None else value
+
+
+def _way(trained: Trained, theirs: Meaning | None = None) -> str:
+    """The calls that score a model in what it was trained in; an id is named where it is found to do so."""
+    theirs = theirs or noted(trained.action) or {}
+    named = trained.env_id or theirs.get("environment", "")
+    for env_id in dict.fromkeys((named, env_of_kind("residual", named))) if theirs and named else ():
+        try:
+            env = make_env(env_id)
+        except (PushRecoveryError, TypeError):
+            continue
+        here = noted(env.action_space) or {}
+        if env.observation_space.shape == trained.seen.shape and isinstance(lacking(theirs, here), tuple):
+            return f'score it by evaluate(..., env="{env_id}") or push_recovery.rollout(model, scenario, env)'
+    return "score it by push_recovery.rollout(model, scenario, env), env made like that of its training"
+
+
+def words(meaning: Meaning, env_id: str = "") -> str:
+    """A meaning in the words of errors; a note has no id, but the kind of its robots."""
+    residual, kind = meaning.get(RESIDUAL), meaning.get("environment")
+    said = "an environment of others" if kind is None else f"one of the kind of {kind}"
+    if env_id:
+        said = env_id if residual is None else env_of_kind("residual", env_id)
     if residual is not None:
         gate = "no gate" if residual["gate"] is None else f"gate {residual['gate']}"
-        words += f" with corrections of {residual['policy'] or 'a policy'} ({gate})"
-    return f"{words} (hold {meaning.get(HOLD, 1)})"
+        said += f" with corrections of {residual['policy'] or 'a policy'} ({gate})"
+    return f"{said} (hold {meaning.get(HOLD, 1)})"
 
 
 def _shape(space: gym.Space[Any]) -> str:
     return str(space.shape) if isinstance(space, gym.spaces.Box) else str(space)
 
 
-def _id_of(env: gym.Env) -> str:
+def id_of(env: gym.Env) -> str:
+    """The id of an environment, or the class of one without."""
     return env.spec.id if env.spec is not None else type(env.unwrapped).__name__

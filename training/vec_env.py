@@ -6,6 +6,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
+from stable_baselines3.common.env_util import is_wrapped
 from stable_baselines3.common.vec_env import VecEnv
 
 from ..controllers.errors import InvalidValueError
@@ -118,6 +119,15 @@ class SB3VecEnv(SharedVecEnv):
             for k in np.flatnonzero(ended).tolist():
                 self.reset_infos[k] = row_of(reset_info, k)
         return observations, rewards.astype(np.float32), ended, infos
+
+    def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: Any = None) -> list[bool]:
+        """Whether the vector environment, or that of each robot where there is one, has such a wrapper."""
+        env: Any = self.env
+        found = False
+        while isinstance(env, gym.vector.VectorWrapper):
+            found, env = found or isinstance(env, wrapper_class), env.env
+        each = getattr(env, "envs", [env] * self.num_envs)
+        return [found or is_wrapped(each[k], wrapper_class) for k in self._get_indices(indices)]
 
     def close(self) -> None:
         """Close the vector environment."""

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium import wrappers
 from gymnasium.wrappers import FrameStackObservation, NormalizeObservation, RescaleAction
 from push_recovery.controllers.errors import PushRecoveryError
 from push_recovery.controllers.policies.learned import NetworkPolicy
@@ -23,10 +24,18 @@ from push_recovery import GaitEvent, Push, Scenario, evaluate, record, rollout
 
 torch = pytest.importorskip("torch")
 sb3 = pytest.importorskip("stable_baselines3", reason="needs the extra train")
+from push_recovery.training import model_policy  # noqa: E402
 from push_recovery.training.from_sb3 import from_sb3  # noqa: E402
 from push_recovery.training.model_policy import ArchivePolicy, Trained, _correction  # noqa: E402
 from push_recovery.training.vec_env import SB3VecEnv  # noqa: E402
-from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize  # noqa: E402
+from stable_baselines3.common.monitor import Monitor  # noqa: E402
+from stable_baselines3.common.vec_env import (  # noqa: E402
+    DummyVecEnv,
+    SubprocVecEnv,
+    VecEnvWrapper,
+    VecFrameStack,
+    VecNormalize,
+)
 
 PENDULUM, BIPED = "PushRecovery/Pendulum-v0", "PushRecovery/Biped-v0"
 RESIDUAL = "PushRecovery/BipedResidual-v0"
@@ -268,6 +277,72 @@ def with_memory():
     return model
 
 
+class Half(gym.Wrapper):
+    """Halves the action, unseen by its spaces."""
+
+    def step(self, action):
+        return self.env.step(0.5 * np.asarray(action))
+
+
+class HalfMonitor(Monitor):
+    """A harmless wrapper, made one that is not."""
+
+    def step(self, action):
+        return super().step(0.5 * np.asarray(action))
+
+
+class HalfAll(VecEnvWrapper):
+    """The same around all environments."""
+
+    def reset(self):
+        return self.venv.reset()
+
+    def step_async(self, actions):
+        self.venv.step_async(0.5 * actions)
+
+    def step_wait(self):
+        return self.venv.step_wait()
+
+
+class Times(gym.ObservationWrapper):
+    """Multiplies observations by a number that Gymnasium does not know of."""
+
+    def __init__(self, env, number):
+        super().__init__(env)
+        self.number = number
+
+    def observation(self, observation):
+        return self.number * observation
+
+
+class Twice(gym.RewardWrapper):
+    def reward(self, reward):
+        return 2.0 * float(reward)
+
+
+def halved(observation):
+    return 0.5 * observation
+
+
+def in_a_worker(*made):
+    """A model that was trained in a process of its own, which has ended."""
+    venv = SubprocVecEnv([lambda: wrapped(*made)], start_method="fork")
+    model = trained(venv)
+    known = model_policy.in_memory(model)
+    venv.close()
+    return model, known
+
+
+def wrapped(make=None, *rest):
+    return pendulum() if make is None else make(pendulum(), *rest)
+
+
+def below_a_vector_wrapper(make, *rest):
+    robots = gym.make_vec(f"push_recovery:{PENDULUM}", 2, vectorization_mode="vector_entry_point")
+    return trained(SB3VecEnv(make(robots, *rest)), 16)
+
+
+MAY = "which may change observations or actions"
 REFUSED = {
     "without a note": (
         lambda: without_notes(trained(pendulum())), PENDULUM,
@@ -288,8 +363,8 @@ REFUSED = {
         "(0.03, 0.1)) (hold "
         "1), and PushRecovery/BipedResidual-v0 is PushRecovery/Biped-v0 with corrections of "
         "two-stage (no gate) "
-        "(hold 1): actions mean different things there; score it in its own, by evaluate(..., env=ID) or "
-        "push_recovery.rollout(model, scenario, env)",
+        "(hold 1): actions mean different things there (gate (0.03, 0.1) there and none here); score it by "
+        'evaluate(..., env="PushRecovery/Biped-v0") or push_recovery.rollout(model, scenario, env)',
     ),
     "of gait actions": (
         lambda: trained(gym.make(f"push_recovery:{BIPED}")), RESIDUAL, "actions mean different things there"
@@ -302,27 +377,59 @@ REFUSED = {
         "correct has no name",
     ),
     "a hold below the residual": (
-        lambda: trained(ResidualAction(pendulum(hold=2))), PENDULUM, "was trained in PushRecovery/Pendulum-v0"
+        lambda: trained(ResidualAction(pendulum(hold=2))), PENDULUM, "below hold 2 there and none here"
     ),
     "normalised": (
         lambda: trained(NormalizeObservation(pendulum())), PENDULUM,
-        "the model PPO was trained within NormalizeObservation, which changes observations or actions, and "
+        f"the model PPO was trained within NormalizeObservation, {MAY}, and "
         "PushRecovery/Pendulum-v0 has none of these wrappers: score it by push_recovery.rollout(model, "
         "scenario, env), env wrapped like that of its training; of running means only those of "
         "VecNormalize are taken "
         "along",
     ),
     "rescaled": (
-        lambda: trained(RescaleAction(pendulum(), -0.5, 0.5)), PENDULUM, "within RescaleAction, which"
+        lambda: trained(RescaleAction(pendulum(), -0.5, 0.5)), PENDULUM, "within RescaleAction, which may"
     ),
     "frames": (
         lambda: trained(VecFrameStack(DummyVecEnv([pendulum]), 2)), PENDULUM,
-        "the model PPO takes observations (72,) and gives actions (7,), and "
-        "PushRecovery/Pendulum-v0 has (36,) and "
-        "(7,): score it in the environment of its training, evaluate(..., env=ID)",
+        f"the model PPO was trained within VecFrameStack around all its environments, {MAY}, and one "
+        "environment has no such wrapper: nothing scores it here",
     ),
     "rows of frames": (
-        lambda: trained(FrameStackObservation(pendulum(), 2)), PENDULUM, "takes observations (2, 36) and"
+        lambda: trained(FrameStackObservation(pendulum(), 2)), PENDULUM,
+        f"within FrameStackObservation, {MAY}, and {PENDULUM} has none of these wrappers: score it by "
+        "push_recovery.rollout(model, scenario, env), env wrapped like that of its training",
+    ),
+    "own wrapper": (lambda: trained(Half(pendulum())), PENDULUM, f"was trained within Half, {MAY}"),
+    "repeated": (
+        lambda: trained(wrappers.RepeatAction(pendulum(), 3)), PENDULUM, f"within RepeatAction, {MAY}"
+    ),
+    "a subclass": (lambda: trained(HalfMonitor(pendulum())), PENDULUM, f"within HalfMonitor, {MAY}"),
+    "around all": (lambda: trained(HalfAll(DummyVecEnv([pendulum]))), PENDULUM, "within HalfAll around all"),
+    "unlike": (
+        lambda: trained(DummyVecEnv([pendulum, lambda: Half(pendulum())])), PENDULUM,
+        f"was trained in environments within unlike wrappers, {MAY}",
+    ),
+    "below a vector": (
+        lambda: below_a_vector_wrapper(wrappers.vector.TransformObservation, halved), PENDULUM,
+        f"with wrappers that can't be looked at from here, {MAY}: load it with one environment like those of "
+        "its training, PPO.load(FILE, env=env), and score it by push_recovery.rollout(model, scenario, env)",
+    ),
+    "normalised twice": (
+        lambda: trained(VecNormalize(VecNormalize(DummyVecEnv([pendulum])))), PENDULUM,
+        "2 layers of VecNormalize normalise the observations one after the other",
+    ),
+    "another robot": (
+        lambda: trained(gym.make("push_recovery:PushRecovery/G1Residual-v0")), BIPED,
+        "was trained in PushRecovery/G1-v0 with corrections of two-stage (no gate)",
+    ),
+    "on joints": (
+        lambda: trained(gym.make("push_recovery:PushRecovery/BipedJointResidual-v0")), BIPED,
+        'score it by evaluate(..., env="PushRecovery/BipedJointResidual-v0") or',
+    ),
+    "two residuals": (
+        lambda: trained(ResidualAction(pendulum({"policy": "two-stage"}))), PENDULUM,
+        "(hold 1): below residual two-stage there and none here; score it by push_recovery.rollout(model,",
     ),
     "another task": (
         lambda: trained(gym.make("CartPole-v1")), PENDULUM, "(4,) and gives actions Discrete(2)"
@@ -345,6 +452,75 @@ def test_what_can_not_be_scored_rightly_is_refused_in_one_line(name):
         rollout(make(), SCENARIOS[0], where)
     assert said in str(error.value)
     assert "\n" not in str(error.value)
+
+
+HARMLESS = {
+    "a function of rewards": lambda: wrappers.TransformReward(pendulum(), lambda reward: 2.0 * reward),
+    "own rewards": lambda: Twice(pendulum(hold=2)),
+    "normalised rewards": lambda: wrappers.NormalizeReward(pendulum()),
+    "a time limit": lambda: wrappers.TimeLimit(pendulum(), 2000),
+    "statistics": lambda: wrappers.RecordEpisodeStatistics(Monitor(pendulum())),
+}
+
+
+@pytest.mark.parametrize("name", HARMLESS)
+def test_wrappers_that_change_neither_observations_nor_actions_are_none(name):
+    model, plain = trained(HARMLESS[name]()), pendulum(hold=2 if name == "own rewards" else 1)
+    assert row(rollout(model, SCENARIOS[0], PENDULUM)) == stepped(model, plain, SCENARIOS[0])
+
+
+def test_wrappers_in_worker_processes_are_asked_for():
+    """Also those that leave both spaces as they are; a plain environment is scored as it is."""
+    model, known = in_a_worker(wrappers.DelayObservation, 2)
+    assert known.changed_by == ((model_policy.HIDDEN,),)
+    with pytest.raises(PushRecoveryError, match="wrappers that can't be looked at from here"):
+        rollout(model, SCENARIOS[0], PENDULUM)
+    model, known = in_a_worker(Monitor)
+    assert known.changed_by == ((),)
+    with pytest.raises(PushRecoveryError, match="wrappers that can't be looked at from here"):
+        rollout(model, SCENARIOS[0], PENDULUM)  # since its workers have ended
+
+
+def test_of_two_normalisations_the_one_of_observations_counts():
+    """Whether it is the inner or the outer one."""
+    for outer_sees in (True, False):
+        inner = VecNormalize(DummyVecEnv([pendulum]), norm_obs=not outer_sees)
+        venv = VecNormalize(inner, norm_obs=outer_sees)
+        sees = venv if outer_sees else inner
+        sees.obs_rms.update(np.random.default_rng(2).normal(0.4, 0.5, (500, 36)))
+        model = trained(venv)
+        mean, deviation = sees.obs_rms.mean, np.sqrt(sees.obs_rms.var + sees.epsilon)
+
+        class Seen:
+            def predict(self, observation, model=model, mean=mean, deviation=deviation):
+                seen = np.clip((observation - mean) / deviation, -10.0, 10.0).astype(np.float32)
+                return model.predict(seen, deterministic=True)[0]
+
+        found = row(rollout(model, SCENARIOS[0], PENDULUM))
+        assert found == row(rollout(Seen(), SCENARIOS[0], PENDULUM))
+
+
+def test_other_settings_of_an_own_wrapper_are_refused():
+    model = trained(Times(pendulum(), 0.5))
+    expected = stepped(model, Times(pendulum(), 0.5), SCENARIOS[0])
+    assert row(rollout(model, SCENARIOS[0], Times(pendulum(), 0.5))) == expected
+    with pytest.raises(PushRecoveryError, match="the same with other settings"):
+        rollout(model, SCENARIOS[0], Times(pendulum(), 0.1))
+
+
+def test_running_means_stay_as_they_are_while_an_episode_is_scored():
+    env = NormalizeObservation(pendulum())
+    model = trained(env)
+    mean, count = env.obs_rms.mean.copy(), env.obs_rms.count
+    rows = [row(rollout(model, SCENARIOS[0], env)) for _ in range(3)]
+    assert rows[0] == rows[1] == rows[2]
+    np.testing.assert_array_equal(env.obs_rms.mean, mean)
+    assert env.obs_rms.count == count
+    env.reset(seed=0)
+    assert env.obs_rms.count == count + 1  # outside it learns on
+    env.update_running_mean = False
+    rollout(model, SCENARIOS[0], env)
+    assert not env.update_running_mean  # as its owner has it
 
 
 def test_statistics_beside_an_archive_of_raw_observations_are_refused(models, tmp_path):

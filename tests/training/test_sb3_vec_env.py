@@ -10,6 +10,7 @@ pytest.importorskip("stable_baselines3")
 from push_recovery.training.vec_env import SB3VecEnv
 from stable_baselines3 import PPO
 from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
 
 PENDULUM = "push_recovery:PushRecovery/Pendulum-v0"
@@ -124,3 +125,19 @@ def test_a_fall_at_the_time_limit_is_a_fall():
     assert [info["terminal_observation"].item() for info in infos[1:]] == [1.0, 2.0, 3.0]
     assert observations[:, 0].tolist() == [0.0, -1.0, -1.0, -1.0]
     assert rewards.dtype == np.float32
+
+
+class Own(gym.vector.VectorObservationWrapper):
+    """Changes nothing, and says that it might."""
+
+    def observations(self, observations):
+        return observations
+
+
+def test_wrappers_below_are_known():
+    """Those around all robots, and those of each where each has an environment."""
+    robots = gym.make_vec(PENDULUM, 3, vectorization_mode="vector_entry_point")
+    assert SB3VecEnv(robots).env_is_wrapped(Own) == [False] * 3
+    assert SB3VecEnv(Own(robots)).env_is_wrapped(Own, indices=[0, 2]) == [True] * 2
+    each = gym.vector.SyncVectorEnv([lambda: gym.make(PENDULUM), lambda: Monitor(gym.make(PENDULUM))])
+    assert SB3VecEnv(each).env_is_wrapped(Monitor) == [False, True]
