@@ -15,8 +15,22 @@ from ..controllers.errors import InvalidValueError
 from ..controllers.policies.learned import NetworkPolicy, PolicyDescription, ResidualBase
 from ..controllers.policies.mlp import OBSERVATION, Mlp, Normalisation
 from ..controllers.policies.two_stage import POLICY_NAMES
+from ..envs.episode.gym_env import noted
 from ..envs.wrappers import ActionHold, ResidualAction
+from ..eval.rollout.environments import make_env
 from .builders import find_residual, layers_of
+from .model_policy import (
+    Changing,
+    Trained,
+    check_normalisation,
+    check_wrappers,
+    id_of,
+    in_memory,
+    lacking,
+    normaliser,
+    unlike,
+    words,
+)
 from .settings import TrainingSettings, env_of_kind
 
 ACTIVATIONS: dict[type[nn.Module], str] = {nn.Tanh: "tanh", nn.ReLU: "relu"}
@@ -140,14 +154,18 @@ def from_sb3(model: Any, env: gym.Env, normalise: VecNormalize | None = None) ->
         normalise: of its observations, where it was trained with one.
 
     Raises:
-        InvalidValueError: the model acts by something that a policy file does not hold, or the environment is
-            not like those of its training.
+        InvalidValueError: the model acts by something that a policy file does not hold, or the environment or
+            the normalisation is not like that of its training.
     """
+    hold, trained = _hold(env), in_memory(model)
+    check_wrappers(trained, env)
     _check_spaces(model, env)
+    normalise = _normalise(trained, normalise)
     network = acting_network(model).mlp()
     normalisation = normalisation_of(normalise, network.sizes[0])
     _check_agreement(model, network, normalisation, normalise)
-    wrapper, hold = find_residual(env), _hold(env)
+    _check_meaning(trained, env)
+    wrapper = find_residual(env)
     unwrapped: Any = env.unwrapped
     if lacks := [part for part in ("robot", "limits", "preset") if not hasattr(unwrapped, part)]:
         raise InvalidValueError(f"a policy file is for a gait environment; {env} has no {', '.join(lacks)}")
@@ -164,6 +182,7 @@ def from_sb3(model: Any, env: gym.Env, normalise: VecNormalize | None = None) ->
                 f"on {wrapper.policy!r}"
             )
         base = residual_base(wrapper, name)
+    _check_held(env, env_id)
     about = PolicyDescription(env_id, unwrapped.robot, unwrapped.limits, base, hold)
     return NetworkPolicy(network, normalisation, about, None if wrapper is None else wrapper.policy)
 
@@ -178,12 +197,65 @@ def _hold(env: gym.Env) -> int:
     for layer in layers_of(env):
         if isinstance(layer, ActionHold):
             periods *= layer.periods
-        elif isinstance(layer, gym.ObservationWrapper | gym.ActionWrapper):
+        elif isinstance(layer, Changing):
             raise InvalidValueError(
-                f"the wrapper {type(layer).__name__} changes observations or actions, and a policy file does "
-                "not hold it; for running means use VecNormalize"
+                f"the wrapper {type(layer).__name__} may change observations or actions, and a policy file "
+                "does not hold it; for running means use VecNormalize, for rewards alone a "
+                "gymnasium.RewardWrapper"
             )
     return periods
+
+
+def _normalise(trained: Trained, given: VecNormalize | None) -> VecNormalize | None:
+    """The layer of what was handed over that normalises observations.
+
+    Raises:
+        InvalidValueError: the model has seen them otherwise.
+    """
+    mine: Any = trained.statistics
+    found: Any = normaliser(given)
+    check_normalisation(trained._replace(statistics=found), "hand them over as `normalise`, or ")
+    if not trained.has_env or mine is found:
+        return found
+    if mine is None or found is None:
+        there, here = ("raw" if one is None else "normalised" for one in (mine, found))
+        raise InvalidValueError(
+            f"{trained.name} was trained on {there} observations, and those of `normalise` are {here}: "
+            "from_sb3(model, env, model.get_vec_normalize_env()) takes the right ones"
+        )
+    pairs = [(one.obs_rms.mean, one.obs_rms.var, one.clip_obs, one.epsilon) for one in (mine, found)]
+    if not all(np.array_equal(one, other) for one, other in zip(*pairs, strict=True)):
+        raise InvalidValueError(
+            f"the statistics of `normalise` are not those of {trained.name}: "
+            "from_sb3(model, env, model.get_vec_normalize_env()) takes the right ones"
+        )
+    return found
+
+
+def _check_meaning(trained: Trained, env: gym.Env) -> None:
+    """Raise InvalidValueError where a model says that its actions meant something else in its training."""
+    theirs, here = noted(trained.action), noted(env.action_space) or {}
+    if theirs is not None and theirs != here:
+        raise InvalidValueError(
+            f"{trained.name} was trained in {words(theirs, trained.env_id)}, and the environment handed over "
+            f"is {words(here, id_of(env))}: {unlike(theirs, here)}; hand over one like that of its training"
+        )
+
+
+def _check_held(env: gym.Env, env_id: str) -> None:
+    """Raise InvalidValueError where actions mean more than a policy file holds.
+
+    A policy file is scored in `env_id` as it is, and holds robot, gait box, one residual and the hold.
+    """
+    if (here := noted(env.action_space)) is None:
+        return
+    made = make_env(env_id)
+    there = (noted(made.action_space) or {}) | {key: here[key] for key in ("robot", "limits") if key in here}
+    if isinstance(lacks := lacking(here, there), str):
+        raise InvalidValueError(
+            f"a policy file is scored in {env_id}, and the environment handed over differs from it in more "
+            f"than one residual and its hold: {lacks}"
+        )
 
 
 def _check_spaces(model: Any, env: gym.Env) -> None:
@@ -191,6 +263,10 @@ def _check_spaces(model: Any, env: gym.Env) -> None:
         theirs, here = getattr(model, name), getattr(env, name)
         if theirs != here:
             raise InvalidValueError(f"the model was trained with the {name} {theirs}, and {env} has {here}")
+    if len(model.observation_space.shape or ()) != 1:
+        raise InvalidValueError(
+            f"a policy file sees one row of numbers, and the model takes {model.observation_space}"
+        )
     space = model.action_space
     if not (isinstance(space, gym.spaces.Box) and np.all(space.low == -1.0) and np.all(space.high == 1.0)):
         raise InvalidValueError(f"the actions of a policy file are in [-1, 1], those of the model in {space}")

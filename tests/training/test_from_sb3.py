@@ -62,7 +62,13 @@ def test_normalisation_becomes_part_of_the_policy(toy, kind):
     assert learned.normalisation.clip == 1.5
     assert_same_actions(model, learned, OBSERVATIONS, venv)
     rewards_only = VecNormalize(DummyVecEnv([lambda: gym.make(toy)]), norm_obs=False)
+    model = make_model(kind, rewards_only)
     assert_same_actions(model, from_sb3(model, gym.make(toy), rewards_only))
+    around = VecNormalize(venv, norm_obs=False)
+    model = make_model(kind, around)
+    assert_same_actions(
+        model, from_sb3(model, gym.make(toy), model.get_vec_normalize_env()), OBSERVATIONS, venv
+    )
 
 
 def test_a_linear_model_and_one_with_squashed_exploration_fit_too(toy):
@@ -146,7 +152,7 @@ def refused():
         lambda: (sb3.SAC("MlpPolicy", gym.make(toy), use_sde=True, device="cpu"), gym.make(toy)),
         "Sequential",
     )
-    yield lambda: (make_model(sb3.PPO, gym.make(toy)), Flat(gym.make(toy))), "the wrapper Flat changes"
+    yield lambda: (make_model(sb3.PPO, gym.make(toy)), Flat(gym.make(toy))), "the wrapper Flat may change"
     yield lambda: (make_model(sb3.PPO, gym.make("Pendulum-v1")), gym.make(toy)), "with the observation_space"
     yield lambda: (make_model(sb3.PPO, gym.make("Pendulum-v1")), gym.make("Pendulum-v1")), r"in \[-1, 1\]"
     yield (
@@ -172,3 +178,130 @@ def test_a_model_that_acts_by_more_than_its_network_is_refused(toy, monkeypatch)
     monkeypatch.setattr(model, "predict", lambda *a, **k: (0.5 * whole(*a, **k)[0], None))
     with pytest.raises(InvalidValueError, match="differs from the model by"):
         from_sb3(model, env)
+
+
+class Half(gym.Wrapper):
+    """Halves the action, unseen by its spaces."""
+
+    def step(self, action):
+        return self.env.step(0.5 * np.asarray(action))
+
+
+def pendulum(**residual):
+    env = gym.make(PENDULUM)
+    return ResidualAction(env, **residual) if residual else env
+
+
+def normalised(venv=None, seed=0):
+    venv = VecNormalize(DummyVecEnv([pendulum]) if venv is None else venv)
+    venv.obs_rms.update(np.random.default_rng(seed).normal(0.4, 0.5, (500, 36)))
+    return venv
+
+
+TWO = {"policy": "two-stage"}
+# What a model was trained in, what is handed over, and what the message says
+UNLIKE = {
+    "no residual": (lambda: pendulum(**TWO), pendulum, "residual two-stage there and none here"),
+    "a residual": (pendulum, lambda: pendulum(**TWO), "residual none there and two-stage here"),
+    "no hold": (lambda: ActionHold(pendulum(), 3), pendulum, r"\(hold 3\), .*: hold 3 there and 1 here"),
+    "no gate": (
+        lambda: pendulum(**TWO, gate=(0.02, 0.06)),
+        lambda: pendulum(**TWO),
+        r"corrections of two-stage \(gate \(0.02, 0.06\)\) .*: gate \(0.02, 0.06\) there and none here",
+    ),
+    "another scale": (lambda: pendulum(**TWO, scale=0.25), lambda: pendulum(**TWO), r"scale \(0.25, 0.25"),
+    "another policy": (
+        lambda: pendulum(policy="stage-1"),
+        lambda: pendulum(**TWO),
+        "policy stage-1 there and two-stage here",
+    ),
+    "an unseen wrapper": (lambda: Half(pendulum()), pendulum, "was trained within Half, which may change"),
+    "an unseen wrapper here": (pendulum, lambda: Half(pendulum()), "the wrapper Half may change"),
+    "frames": (
+        lambda: gym.wrappers.FrameStackObservation(pendulum(), 2),
+        lambda: gym.wrappers.FrameStackObservation(pendulum(), 2),
+        "the wrapper FrameStackObservation may change",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", UNLIKE)
+def test_another_environment_than_that_of_the_training_is_refused(name):
+    theirs, here, said = UNLIKE[name]
+    model = make_model(sb3.PPO, theirs())
+    with pytest.raises(InvalidValueError, match=said) as error:
+        from_sb3(model, here())
+    assert "\n" not in str(error.value)
+
+
+def test_a_loaded_model_knows_its_training_by_its_note(tmp_path):
+    """One without a note is taken at the word of whoever hands over the environment."""
+    make_model(sb3.PPO, pendulum(**TWO)).save(tmp_path / "model.zip")
+    model = sb3.PPO.load(tmp_path / "model.zip", device="cpu")
+    with pytest.raises(InvalidValueError, match="residual two-stage there and none here"):
+        from_sb3(model, pendulum())
+    assert_same_actions(model, from_sb3(model, pendulum(**TWO)))
+    model.action_space = gym.spaces.Box(-1.0, 1.0, (7,), np.float32)
+    for env in (pendulum(), pendulum(**TWO)):
+        assert_same_actions(model, from_sb3(model, env))
+
+
+def test_other_normalisation_than_that_of_the_training_is_refused(tmp_path):
+    venv, other = normalised(), normalised(seed=1)
+    model, raw = make_model(sb3.PPO, venv), make_model(sb3.PPO, pendulum())
+    for one, given, said in (
+        (model, None, "trained on normalised observations, and those of `normalise` are raw"),
+        (raw, venv, "trained on raw observations, and those of `normalise` are normalised"),
+        (model, other, "the statistics of `normalise` are not those of the model PPO"),
+        (make_model(sb3.PPO, normalised(venv)), None, "2 layers of VecNormalize"),
+        (model, normalised(venv), "2 layers of VecNormalize"),
+    ):
+        with pytest.raises(InvalidValueError, match=said):
+            from_sb3(one, pendulum(), given)
+    venv.save(str(tmp_path / "statistics.pkl"))
+    same = VecNormalize.load(str(tmp_path / "statistics.pkl"), DummyVecEnv([pendulum]))
+    assert_same_actions(model, from_sb3(model, pendulum(), same), OBSERVATIONS, venv)
+
+
+def test_a_loaded_model_knows_whether_it_saw_normalised_observations(tmp_path):
+    venv = normalised()
+    for number, (env, given, said) in enumerate(
+        (
+            (venv, None, "hand them over as `normalise`, or load it with them"),
+            (pendulum(), venv, "leave them"),
+        )
+    ):
+        model = sb3.PPO("MlpPolicy", env, n_steps=8, batch_size=8, n_epochs=1, device="cpu", seed=0)
+        model.learn(8).save(tmp_path / f"{number}.zip")
+        with pytest.raises(InvalidValueError, match=said):
+            from_sb3(sb3.PPO.load(tmp_path / f"{number}.zip", device="cpu"), pendulum(), given)
+
+
+# What a file would be scored in without being told of
+UNHELD = {
+    "another planning rate": (lambda: gym.make(PENDULUM, control_hz=50), "control_hz 50 there and 100 here"),
+    "two residuals": (
+        lambda: ResidualAction(pendulum(**TWO), "two-stage"),
+        "below residual two-stage there and none here",
+    ),
+    "a hold below a residual": (
+        lambda: ResidualAction(ActionHold(pendulum(), 2), "two-stage"),
+        "below hold 2 there and none here",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", UNHELD)
+def test_what_a_file_does_not_record_is_refused(name):
+    make, said = UNHELD[name]
+    with pytest.raises(
+        InvalidValueError, match=f"a policy file is scored in PushRecovery/Pendulum-v0, .*{said}"
+    ):
+        from_sb3(make_model(sb3.PPO, make()), make())
+
+
+def test_of_another_robot_a_file_says_which(toy):
+    """Robot and gait box are recorded, so that they may be others than those of the id."""
+    env = gym.make("push_recovery:PushRecovery/Biped-v0", robot="g1")
+    about = from_sb3(make_model(sb3.PPO, env), env).description
+    assert about.robot.mass == env.unwrapped.robot.mass != gym.make(PENDULUM).unwrapped.robot.mass
