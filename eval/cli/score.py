@@ -28,7 +28,8 @@ class SuiteOptions(options.EnvOptions, options.ErrorOptions, options.RunningOpti
     suite: Annotated[str | None, arg(metavar="NAME|FILE", help=DEFAULT_TEXT, help_behavior_hint="")] = None
     trust: Flag = False
     """Take archives of Stable-Baselines3 (FILE.zip) and networks in TorchScript as policies: loading one runs
-    the code that is in it, as you (docs/reliability.md)."""
+    the code that is in it, as you (docs/reliability.md). An archive does not show wrappers of its training
+    that keep both spaces."""
     film: Annotated[Literal["discordant"] | None, arg(metavar="discordant", help_behavior_hint="")] = None
     """Film the pushes that one policy recovers from and another does not, side by side, as GIF
     and mp4."""
