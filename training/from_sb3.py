@@ -234,12 +234,15 @@ def _normalise(trained: Trained, given: VecNormalize | None) -> VecNormalize | N
 
 def _check_meaning(trained: Trained, env: gym.Env) -> None:
     """Raise InvalidValueError where a model says that its actions meant something else in its training."""
-    theirs, here = noted(trained.action), noted(env.action_space) or {}
-    if theirs is not None and theirs != here:
-        raise InvalidValueError(
-            f"{trained.name} was trained in {words(theirs, trained.env_id)}, and the environment handed over "
-            f"is {words(here, id_of(env))}: {unlike(theirs, here)}; hand over one like that of its training"
-        )
+    here = noted(env.action_space) or {}
+    # Whoever loads a model may give it another environment, and its own space keeps what was noted first
+    for space, env_id in (trained.action, trained.env_id), (trained.model.action_space, ""):
+        theirs = noted(space)
+        if theirs is not None and theirs != here:
+            raise InvalidValueError(
+                f"{trained.name} was trained in {words(theirs, env_id)}, and the environment handed over is "
+                f"{words(here, id_of(env))}: {unlike(theirs, here)}; hand over one like that of its training"
+            )
 
 
 def _check_held(env: gym.Env, env_id: str) -> None:

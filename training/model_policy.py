@@ -457,7 +457,7 @@ def _way(trained: Trained, theirs: Meaning | None = None) -> str:
 def words(meaning: Meaning, env_id: str = "") -> str:
     """A meaning in the words of errors; a note has no id, but the kind of its robots."""
     residual, kind = meaning.get(RESIDUAL), meaning.get("environment")
-    said = "an environment of others" if kind is None else f"one of the kind of {kind}"
+    said = "an environment of others" if kind is None else f"an environment of the kind of {kind}"
     if env_id:
         said = env_id if residual is None else env_of_kind("residual", env_id)
     if residual is not None:

@@ -241,6 +241,9 @@ def test_a_loaded_model_knows_its_training_by_its_note(tmp_path):
     with pytest.raises(InvalidValueError, match="residual two-stage there and none here"):
         from_sb3(model, pendulum())
     assert_same_actions(model, from_sb3(model, pendulum(**TWO)))
+    elsewhere = sb3.PPO.load(tmp_path / "model.zip", env=pendulum(), device="cpu")
+    with pytest.raises(InvalidValueError, match="residual two-stage there and none here"):
+        from_sb3(elsewhere, pendulum())
     model.action_space = gym.spaces.Box(-1.0, 1.0, (7,), np.float32)
     for env in (pendulum(), pendulum(**TWO)):
         assert_same_actions(model, from_sb3(model, env))
