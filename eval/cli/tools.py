@@ -85,7 +85,7 @@ class Curves(options.Options):
     ] = ("",)
     """Learned policies by name or file (by default all that come with the package)."""
     ceiling: options.RealOrNone = field(default=None, metadata=within(0, 1))
-    """Share of pushes, 0 to 1, that is drawn as the ceiling, such as that of hard (docs/search.md)."""
+    """Share of pushes, 0 to 1, that is drawn as the ceiling, such as that of hard (docs/hindsight.md)."""
     out: options.Directory = None
     """Directory for curves.png and curves.svg, or curves-A-B.* of named policies (default: runs/curves)."""
 
