@@ -195,7 +195,7 @@ SHOWN = (
     ("fig7_variants.png", "What belongs to `two-stage` taken away"),
     ("fig7_jump.png", "Largest velocity jump by direction"),
 )
-HEAD = """# The paper's results, measured again
+HEAD = """# Reproduction: every claim, table and figure
 
 The paper is F. Nazemi, A. Yousefi-Koma, F. A. Shirazi, M. Khadiv, "A Reactive and Efficient Walking
 Pattern Generator for Robust Bipedal Locomotion". This page holds each of its claims against what was
