@@ -69,6 +69,16 @@ def test_a_profile_that_stands_alone_is_named_and_one_policy_has_no_pairs(evalua
         assert not any(words in text for words in ('id="pairs"', "#pairs"))
 
 
+@pytest.mark.parametrize(
+    ("worse", "words"),
+    [("rffs", "1 push, only the second from 0"), ("fffr", "2 pushes, only the second from 1")],
+)
+def test_one_push_is_a_push_and_two_are_pushes(worse, words, evaluation, tmp_path):
+    found = evaluation({"better": "rrfs", "worse": worse})
+    text = write_evaluation_page({"exact": found}, COMMAND, tmp_path).read_text()
+    assert f"better and worse: only the first recovers from {words}</summary>" in text
+
+
 def test_without_the_extra_one_line_says_how_to_get_it(monkeypatch, evaluation, tmp_path, capsys):
     monkeypatch.setattr(page, "find_spec", lambda _: None)
     found = evaluation({"p": "rrfs"})
