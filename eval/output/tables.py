@@ -122,7 +122,7 @@ def named_apart(directory: Path, policies: Iterable[str], more: Sequence[str] = 
     if not path.is_file():
         return ""
     first = read_json(path)
-    if [*first["policies"], *first.get(ASKED, ())] == asked:
+    if isinstance(first, dict) and [*first.get("policies", ()), *first.get(ASKED, ())] == asked:
         return ""
     return f"-{stem_or_hash(asked, ' '.join(asked))}"
 
@@ -134,11 +134,9 @@ def write_reports(
 
     Where they answer another question, the names have what `named_apart` says after "report".
     """
-    stem, asked = (
-        f"report{named_apart(directory, content['policies'], more)}",
-        {ASKED: list(more)} if more else {},
-    )
-    write_text(directory / f"{stem}.json", json.dumps({**content, **asked}, indent=1) + "\n")
+    stem = f"report{named_apart(directory, content['policies'], more)}"
+    whole = {**content, ASKED: list(more)} if more else content
+    write_text(directory / f"{stem}.json", json.dumps(whole, indent=1) + "\n")
     path = directory / f"{stem}.md"
     write_text(path, markdown)
     return path

@@ -17,7 +17,7 @@ from push_recovery.eval.report import headline
 from push_recovery.eval.rollout.outcome import recovered_after
 from push_recovery.eval.rollout.policy_source import search_words
 from push_recovery.eval.score import report
-from push_recovery.eval.score.evaluate import Evaluation, limit_summary
+from push_recovery.eval.score.evaluate import Comparison, Evaluation, limit_summary
 from push_recovery.eval.score.suites import Suite, get_suite
 
 SCENARIOS = get_suite("standard").scenarios[:3]
@@ -291,6 +291,17 @@ def test_recovered_and_survived_of_each_profile_stand_side_by_side(profiles):
     for one in profiles["exact"].rows["p"][:2]:  # 1.6 rad is 91.7 degrees, 0.6 rad 34.4
         one["measures"] |= {"trunk_excursion": 1.6, "heading_error": 0.6}
     assert report.profiles_table(profiles).rows[0][3:5] == ("2", "2")
+
+
+def test_a_comparison_counts_who_turned_or_bent(evaluation):
+    found = evaluation({"p": "rrrf", "q": "rrff"})
+    for one in found.rows["p"][:3]:
+        one["measures"] |= {"trunk_excursion": 1.6, "heading_error": 0.6}
+    for one in found.rows["q"]:  # two of these fell
+        one["measures"] |= {"trunk_excursion": 0.3, "heading_error": 0.6}
+    table = report.comparison_table(Comparison("p", "q", found))
+    cells = dict(table.rows)
+    assert (cells["turned p, q"], cells["bent p, q"]) == ("3, 2", "3, 0")
 
 
 def test_what_is_kept_is_a_share_of_its_own(profiles, evaluation, tmp_path):
