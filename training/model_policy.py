@@ -283,9 +283,11 @@ def changing(env: gym.Env) -> Iterator[str]:
         if isinstance(layer, Changing):
             statistics = getattr(layer, "obs_rms", None)
             known = {} if statistics is None else {"mean": statistics.mean, "variance": statistics.var}
-            made = {**_made_with(layer), **known}.items()
-            written = (value.tolist() if isinstance(value, np.ndarray) else value for _, value in made)
-            yield f"{type(layer).__name__}({dict(zip(dict(made), written, strict=True))})"
+            made = {
+                name: value.tolist() if isinstance(value, np.ndarray) else value
+                for name, value in {**_made_with(layer), **known}.items()
+            }
+            yield f"{type(layer).__name__}({made})"
 
 
 def _made_with(layer: gym.Wrapper) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 import subprocess
 import sys
 import tempfile
@@ -75,7 +76,7 @@ def _git(folder: Path, *words: str) -> str | None:
 
 
 LOCK = ".lock"
-OF_ROWS = "report*", "compare-*.html", "index.html", "profiles*.md"  # what tells of the rows beside it
+OF_ROWS = re.compile(r"(report.*|compare-.*|index|profiles.*)\.(html|json|md)")  # names of what tells of rows
 PATIENCE = 0.1  # with a lock that is being released [s]
 
 
@@ -215,7 +216,7 @@ class RowFile:
     def _open(self, path: Path, config: dict[str, Any], overwrite: bool) -> None:
         """Read what is there; the configuration is written last, so that a refusal leaves none behind."""
         if overwrite:
-            told = (one for names in OF_ROWS for one in path.parent.glob(names))
+            told = (one for one in path.parent.iterdir() if OF_ROWS.fullmatch(one.name) and one.is_file())
             for one in (self.path, path, *told):
                 one.unlink(missing_ok=True)
         known = path.exists()

@@ -148,11 +148,15 @@ def full_body_form(env_id: str) -> str:
     return f"{form}@{name.preset}" if name.preset else form
 
 
+def all_joints(env: Any) -> tuple[str | None, ...]:
+    """Names of all joints of the robot of an environment, by which a contract finds its own."""
+    return joint_names(compiled_robot(driven(env.unwrapped.core.body.description)))
+
+
 def contender_env(env: Any, env_id: str, policy: str, **kwargs: Any) -> gym.Env:
     """The environment of a policy with a contract: its robot's, with the contract's servos and rate."""
-    found, body = read_contract(policy), env.unwrapped.core.body
-    robot = joint_names(compiled_robot(driven(body.description)))
-    kwargs |= {"servos": found.servos(robot), "control_hz": found.rate}
+    found = read_contract(policy)
+    kwargs |= {"servos": found.servos(all_joints(env)), "control_hz": found.rate}
     if robot_file := EnvName.parse(env_id).robot:
         kwargs = {"robot": robot_file, **kwargs}
     return make_env(full_body_form(env_id), **kwargs)
@@ -160,17 +164,17 @@ def contender_env(env: Any, env_id: str, policy: str, **kwargs: Any) -> gym.Env:
 
 def can_take(env: Any, name: str) -> bool:
     """Whether a policy by name is made for an environment's robot, and the package it comes in is there."""
-    core, made_for = env.unwrapped.episodes.core, env.unwrapped
+    ours = env.unwrapped
     if is_contract(name):
-        if not hasattr(core, "body"):
+        if not hasattr(ours.episodes.core, "body"):
             return False
         try:
-            read_contract(name).servos(joint_names(compiled_robot(driven(core.body.description))))
+            read_contract(name).servos(all_joints(env))
         except PushRecoveryError:
             return False
     if name in shipped_names():
         policy = read_policy(FOLDER / name)[2]
-        return (policy.robot, policy.limits) == (made_for.robot, made_for.limits)
+        return (policy.robot, policy.limits) == (ours.robot, ours.limits)
     return True
 
 

@@ -572,3 +572,15 @@ def test_no_command_changes_what_another_one_has_left(first, second, alone, tmp_
     assert after.pop(rows, b"").startswith(before.pop(rows, b""))
     assert {name: after.get(name) for name in before} == before
     assert after.keys() - before.keys() <= {*content_of(alone / second), "index.html"}
+
+
+def test_starting_over_removes_reports_and_nothing_else_of_the_directory(tmp_path):
+    assert share("evaluate", tmp_path / "shared", tmp_path) == 0
+    (tmp_path / "shared/reports").mkdir()
+    (tmp_path / "shared/reports-of-mine.txt").write_text("notes")
+    few = str(tmp_path / "few.json")
+    words = ["evaluate", "--env", PENDULUM, "--suite", few, "--workers", "1", "--policies", "passive"]
+    assert main([*words, "--out", str(tmp_path / "shared"), "--overwrite"]) == 0
+    assert (tmp_path / "shared/reports").is_dir()
+    assert (tmp_path / "shared/reports-of-mine.txt").read_text() == "notes"
+    assert list(json.loads((tmp_path / "shared/report.json").read_text())["policies"]) == ["passive"]
