@@ -60,6 +60,7 @@ class Gait(NamedTuple):
     stand: Floats1  # (n,) 1: commanded to stand
     yaw: Floats2  # (n, 7) references of swing sole and pelvis beyond the heading, see `turn_references`
     rise: Floats1  # (n,) of the floor from the stance sole to the next foothold, where that is known [m]
+    course: Floats1  # (n,) heading to keep while no turn is commanded [rad]
 
 
 class GaitSettings(NamedTuple):
@@ -84,6 +85,7 @@ class GaitSettings(NamedTuple):
     height_lead: float  # the CoM is at the height of the step this long before T [s]
     height_time: float  # shortest horizon of the height reference [s]
     twist_max: float = math.pi  # a pelvis that is twisted off its yaw by more turns the next sole, too [rad]
+    turn_back: float = 0.0  # yaw by which a step at most turns back while no turn is commanded [rad]
     double_support: float = 0.0  # both feet bear load for this long from touchdown on [s]
 
 
@@ -93,7 +95,7 @@ def resting_gait(n: int) -> Gait:
         stance=np.zeros(n, np.int64), steps=np.zeros(n, np.int64), elapsed=np.zeros(n), time=np.zeros(n),
         heading=np.zeros(n), swing=np.zeros((n, 9)), height=np.zeros((n, 4)), plan=np.zeros((n, GAIT_SIZE)),
         failure=np.zeros(n, np.int64), wrench=np.zeros((n, 6)), turn=np.zeros(n), stand=np.zeros(n),
-        yaw=np.zeros((n, swing.SIZE)), rise=np.zeros(n),
+        yaw=np.zeros((n, swing.SIZE)), rise=np.zeros(n), course=np.zeros(n),
     )  # fmt: skip
 
 
@@ -120,6 +122,14 @@ def other_sole(phys: Physics, gait: Gait, k: int) -> Point:
 
 
 @njit(cache=True, forceinline=True)
+def take_heading(gait: Gait, k: int) -> None:
+    """Take the heading of the new stance sole, which is kept once no turn is commanded any more."""
+    gait.heading[k] += swing.exchange_soles(gait.yaw[k])
+    if gait.turn[k] != 0.0:
+        gait.course[k] = gait.heading[k]
+
+
+@njit(cache=True, forceinline=True)
 def touch_down(phys: Physics, gait: Gait, k: int, double_support: float = 0.0) -> None:
     """Exchange the feet; what is held of the plan is mirrored into the new frame.
 
@@ -129,7 +139,7 @@ def touch_down(phys: Physics, gait: Gait, k: int, double_support: float = 0.0) -
     gait.stance[k] = 1 - old
     gait.steps[k] += 1
     gait.elapsed[k] = gait.rise[k] = 0.0
-    gait.heading[k] += swing.exchange_soles(gait.yaw[k])
+    take_heading(gait, k)
     gait.swing[k] = 0.0
     gait.swing[k, 0], gait.swing[k, 1], gait.swing[k, 2] = sole_position(phys, k, old)
     gait.height[k, 0] -= sole_position(phys, k, 1 - old)[2] - gait.swing[k, 2]  # it is over the stance sole
@@ -239,7 +249,8 @@ def move_references(
     swing.swing_update(gait.swing[k], place[0], place[1], aloft, flight, dt, apex, s.descent, phase)
     gait.swing[k, 2] += landing_floor
     twist = -kinematics.upright_error(phys.xmat, k, PELVIS, facing)[2] - gait.yaw[k, PELVIS_YAW]
-    given = swing.given_yaw(twist, s.twist_max)
+    astray = gait.heading[k] - gait.course[k] if gait.turn[k] == 0.0 else 0.0
+    given = swing.given_yaw(twist, s.twist_max) + swing.yaw_back(astray, s.turn_back)
     swing.turn_references(gait.yaw[k], gait.turn[k], landing, remaining, s.commit, given, dt)
     if both_stand(gait.elapsed[k], s.double_support):  # the other sole stays where it is
         gait.swing[k] = 0.0
@@ -333,7 +344,7 @@ def choose_stance(phys: Physics, gait: Gait, k: int, thrown: bool) -> tuple[Vect
     if not stays_on_other_foot(gait.plan[k], *other_sole(phys, gait, k), thrown):
         return sole, foot
     gait.stance[k] = 1 - old
-    gait.heading[k] += swing.exchange_soles(gait.yaw[k])
+    take_heading(gait, k)
     gait.height[k, 0] -= foot[2] - sole[2]
     return foot, sole
 

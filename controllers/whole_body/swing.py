@@ -10,7 +10,8 @@ The swing sole lands turned by the commanded rate times T, and the pelvis goes a
 heading, the canonical frame's x axis, stays: it is the stance sole's. The references are yaws beyond it. At
 touchdown the heading advances by the yaw of the sole that lands; the pelvis, half-way between the soles by
 then, turns on at the commanded rate. No reference jumps. A pelvis that has been twisted off its yaw turns the
-next sole, too, where a robot gives way to it: a sole has little friction against yaw.
+next sole, too, where a robot gives way to it: a sole has little friction against yaw. While no turn is
+commanded the steps after that turn back, by a bounded yaw each.
 """
 
 from __future__ import annotations
@@ -128,13 +129,19 @@ def given_yaw(twist: float, most: float) -> float:
 
 
 @njit(cache=True, forceinline=True)
+def yaw_back(astray: float, most: float) -> float:
+    """Yaw by which the next sole turns back [rad] from being `astray`: -min(max(astray, -most), most)."""
+    return -min(max(astray, -most), most)
+
+
+@njit(cache=True, forceinline=True)
 def turn_references(
     yaw: NDArray, rate: float, duration: float, remaining: float, final: float, given: float, dt: float
 ) -> None:
     """Advance the yaw references (7,) of one robot, beyond the heading, by dt [s], in place.
 
     `rate` is commanded [rad/s]; the sole lands after `duration`, and `remaining` is left until T [s]. From
-    `final` before T on [s] the yaw at landing stays. `given` is that of `given_yaw` [rad].
+    `final` before T on [s] the yaw at landing stays. `given` comes on top: `given_yaw` and `yaw_back` [rad].
     """
     if remaining >= final:
         yaw[LANDING] = rate * duration + given

@@ -154,7 +154,7 @@ SMALL = settings.Scale(length=0.5, mass=0.1, foot_length=0.6, foot_width=0.7, le
 PURE = {  # numbers without a unit, accelerations and shares of the weight, which are alike, and numerics
     "planner": {"alpha_duration", "first_interval_min"},
     "limits": set(),
-    "gait": {"forced_phase", "twist_max"},
+    "gait": {"forced_phase", "twist_max", "turn_back"},
     "gains": {"damping"},
     "bounds": {"friction", "com_price", "height_price", "swing_price", "row_price"},
 }

@@ -9,13 +9,13 @@ from push_recovery.controllers.model.observation import COMMAND
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body import swing
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS
-from push_recovery.controllers.whole_body.swing import SIZE, exchange_soles, given_yaw, swing_update
+from push_recovery.controllers.whole_body.swing import SIZE, exchange_soles, given_yaw, swing_update, yaw_back
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.recovery import GaitMonitor, record_touchdown
 from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
-from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
+from push_recovery.envs.scenario.scenario import IN_PLACE, Command, CommandChange, Scenario
 
 DT, APEX, DESCENT = 0.002, 0.06, 0.3
 
@@ -147,27 +147,65 @@ def test_what_is_given_by_hand(twist, most, given):
     assert given_yaw(twist, most) == pytest.approx(given, abs=1e-15)
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_robot_that_gives_way_turns_with_a_twist_instead_of_against_it(side, tmp_path):
-    """60 N m about the vertical for 0.1 s, by a pair of forces; told to keep its heading."""
-    twist = tuple(
-        Push((sign * 600.0, 0.0, 0.0), 0.1, 1.0, offset=(0.0, -0.05 * sign * side, 0.0))
+@pytest.mark.parametrize(
+    ("astray", "most", "back"),
+    [(0.2, 0.3, -0.2), (-0.2, 0.3, 0.2), (0.5, 0.3, -0.3), (-0.5, 0.3, 0.3), (0.5, 0.0, 0.0)],
+)
+def test_yaw_that_turns_back_by_hand(astray, most, back):
+    assert yaw_back(astray, most) == pytest.approx(back, abs=1e-15)
+
+
+def twist(side, start):
+    """60 N m about the vertical for 0.1 s, by a pair of forces."""
+    return tuple(
+        Push((sign * 600.0, 0.0, 0.0), 0.1, start, offset=(0.0, -0.05 * sign * side, 0.0))
         for sign in (1.0, -1.0)
     )
-    preset, heading = tmp_path / "preset.json", {}
-    for twist_max in (np.pi, 0.05):
-        gait = {"gait": {"twist_max": twist_max}}
-        about = {"format": "push-recovery preset", "format_version": 1, "base": "biped", "biped": gait}
-        preset.write_text(json.dumps(about))
-        episodes = BipedEpisodes(1, preset=str(preset))
-        episodes.begin(0, Scenario("a", twist, duration=100.0))
-        for _ in range(400):
-            episodes.step(POLICY.predict(episodes.core.observation)[0])
-        heading[twist_max] = episodes.motion().heading.item(0)
-        assert episodes.failure()[0] == 0
-        assert yaw_of(episodes, PELVIS) == pytest.approx(heading[twist_max], abs=0.02)
-    assert heading[np.pi] == 0.0
-    assert side * heading[0.05] > 0.05
+
+
+def twisted(gait, preset, pushes, command=IN_PLACE, changes=()):
+    """Headings of the biped [rad] in 5 s, by period."""
+    about = {"format": "push-recovery preset", "format_version": 1, "base": "biped", "biped": {"gait": gait}}
+    preset.write_text(json.dumps(about))
+    episodes, headings = BipedEpisodes(1, preset=str(preset)), []
+    episodes.begin(0, Scenario("a", pushes, duration=100.0, command=command, changes=changes))
+    for _ in range(500):
+        episodes.step(POLICY.predict(episodes.core.observation)[0])
+        headings.append(episodes.motion().heading.item(0))
+    assert episodes.failure()[0] == 0
+    assert yaw_of(episodes, PELVIS) == pytest.approx(headings[-1], abs=0.02)
+    return np.array(headings)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_robot_that_gives_way_turns_with_a_twist_instead_of_against_it(side, tmp_path):
+    preset, pushes = tmp_path / "preset.json", twist(side, 1.0)
+    assert not twisted({"twist_max": np.pi}, preset, pushes).any()
+    assert side * twisted({"twist_max": 0.05}, preset, pushes)[-1] > 0.05
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_robot_that_gave_way_turns_back_by_no_more_than_a_bound_in_a_step(side, tmp_path):
+    gait = {"twist_max": 0.05, "turn_back": 0.1}
+    headings = side * twisted(gait, tmp_path / "preset.json", twist(side, 1.0))
+    assert headings.max() > 0.2
+    assert headings[-1] == pytest.approx(0.0, abs=1e-3)
+    assert np.diff(headings).min() == pytest.approx(-0.1, abs=1e-3)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_who_commands_a_turn_steers_and_the_heading_at_its_end_is_kept(side, tmp_path):
+    """The twist at 1 s is followed by turning until 2.5 s; another at 2.6 s is turned back from."""
+    preset, at_end = tmp_path / "preset.json", []
+    for gait in ({"twist_max": 0.05}, {"twist_max": 0.05, "turn_back": 0.1}):
+        pushes = twist(side, 1.0)
+        turning = Command(turn=0.3), (CommandChange(2.5, Command()),)
+        without = twisted(gait, preset, pushes, *turning)
+        at_end.append(without[-1])
+        twice = twisted(gait, preset, (*pushes, *twist(side, 2.6)), *turning)
+        assert (abs(twice[-1] - without[-1]) < 1e-3) == ("turn_back" in gait)
+    assert at_end[0] == pytest.approx(at_end[1], abs=1e-3)
+    assert abs(at_end[0] - 0.3 * 2.5) > 0.05
 
 
 def test_no_reference_jumps_where_the_feet_change_roles():
