@@ -102,11 +102,14 @@ class Evaluate(SuiteOptions):
         Each profile has a directory of its own, below DIR where there are several.
         """
         from ..ceiling import with_ceiling
+        from ..rollout.environments import check_can_begin
         from ..score import evaluate, report
 
         self.check_film()
         suites = {name: self.pushes_under(name) for name in self.profile}  # unknown ones fail here
         policies, several = self.trusted(self.policies), len(suites) > 1
+        if several:  # so that no profile is scored in vain
+            check_can_begin(self.env_id, [suite.scenarios[0] for suite in suites.values()])
         found, objects, lines, table = {}, {}, [], None
         for name, suite in suites.items():
             place = self.directory / name if several and self.directory else self.directory

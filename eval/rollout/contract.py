@@ -156,13 +156,19 @@ class PolicyContract:
 
         Raises:
             UnknownNameError: it lacks one that the contract does not let it lack.
+            InvalidValueError: it lacks several: the policy is of another robot.
         """
         has, may_lack = set(robot), self.get(ABSENT, ())
-        for name in self.joints:
-            if name not in has and name not in may_lack:
-                raise UnknownNameError(
-                    f"joint of the robot in {NAMES} of policy {self.name!r}", name, filter(None, robot)
-                )
+        lacking = [name for name in self.joints if name not in has and name not in may_lack]
+        if len(lacking) > 1:
+            raise InvalidValueError(
+                f"policy {self.name!r} is of another robot: this one lacks {len(lacking)} of the "
+                f"{len(self.joints)} joints that it moves, such as {lacking[0]!r} (--env ID, see list)"
+            )
+        for name in lacking:
+            raise UnknownNameError(
+                f"joint of the robot in {NAMES} of policy {self.name!r}", name, filter(None, robot)
+            )
         return tuple(name for name in self.joints if name in has)
 
     def servos(self, robot: Sequence[str | None]) -> Servos:

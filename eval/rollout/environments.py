@@ -4,6 +4,7 @@ import hashlib
 import importlib
 import re
 import sys
+from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -200,6 +201,13 @@ def make_env_for(policy: Any, env_id: str, **kwargs: Any) -> gym.Env:
         return env
     env.close()
     return own
+
+
+def check_can_begin(env_id: str, scenarios: Iterable[Scenario]) -> None:
+    """Begin each scenario; raises InvalidValueError for one that the environment can't have."""
+    with closing(make_env(env_id)) as env:
+        for scenario in scenarios:
+            env.reset(options={"scenario": scenario})
 
 
 def preset_digest(env_id: str) -> dict[str, str]:

@@ -250,6 +250,11 @@ def test_a_policy_of_another_robot_is_refused_by_the_joint_that_is_missing(mjlab
         UnknownNameError, match=r"joint of the robot in policy_io.joints.names of policy .* 'tail'"
     ):
         read_contract(path).servos(["waist_pitch", *JOINTS])
+    with pytest.raises(
+        InvalidValueError,
+        match=r"is of another robot: this one lacks 2 of the 12 joints that it moves, such as 'tail'",
+    ):
+        read_contract(path).servos(["waist_pitch", *JOINTS[2:]])
 
 
 def test_a_configuration_of_unitree_rl_gym_is_read_with_its_network(tmp_path):

@@ -342,6 +342,13 @@ def test_profiles_are_known_and_named_once(names, words, capsys):
     assert words in capsys.readouterr().err
 
 
+def test_a_profile_that_an_environment_cannot_have_is_refused_before_any_is_scored(tmp_path, capsys):
+    pendulum = ["--env", "PushRecovery/Pendulum-v0", "--out", str(tmp_path / "out")]
+    assert main(["evaluate", *pendulum, "--profile", "exact", "weighed"]) == 2
+    assert "the pendulum has no sensors" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_disturbances_are_a_row_each_for_every_policy():
     """And a body counts where a force acts on it alone."""
     scenarios = (
