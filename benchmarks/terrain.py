@@ -1,19 +1,24 @@
 """Walks without a push, and pushes of half the largest, on slopes, tiles and stairs.
 
 python benchmarks/terrain.py [--robots biped g1] [--kinds slope tiles known] [--runs 20] [--seconds S]
+                             [--frontier FILE]
 
 Slopes rise by 5 degrees in a drawn direction, tiles are up to 2 cm apart in height; control knows neither.
 Stairs have three steps of 10 cm up and down, which it knows, scaled to the robot as all lengths are; the walk
 begins with another foot, at another speed and at another distance from the first step. Pushes are half of F*
-of the robot's own box in a drawn direction, for 0.1 s, at the start of a left stance.
+of the robot's own box in a drawn direction, for 0.1 s, at the start of a left stance. With `--frontier` they
+are half of what 0.8 of the replicas recover from on the level floor, by the frontier.json of `push-recovery
+frontier` of this one robot.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -74,7 +79,10 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="+", default=[""], help="those that begin so (default: all)")
     parser.add_argument("--runs", type=int, default=20, help="of each kind (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=300.0, help="of walks (default: %(default)s)")
+    parser.add_argument("--frontier", type=Path, help="frontier.json of the robot (default: half of F*)")
     options = parser.parse_args()
+    if options.frontier and len(options.robots) > 1:
+        parser.error("--frontier is of one robot: name it with --robots")
     for name in options.robots:
         own = {} if name == "biped" else {"robot": name, "preset": name}
         episodes = BipedEpisodes(options.runs, threads=2, **own)
@@ -86,19 +94,24 @@ def main() -> None:
             unpushed = [one for own_kind, one in found if own_kind == kind]
             walked = list(rollout_batch(episodes, planner, unpushed, "two-stage"))
             up, kept = (sum(getattr(one, name) for one in walked) for name in ("survived", "recovered"))
-            pushed = [with_push(episodes, one, run) for run, one in enumerate(unpushed)]
+            pushed = [with_push(episodes, one, run, options.frontier) for run, one in enumerate(unpushed)]
             back = sum(one.recovered for one in rollout_batch(episodes, planner, pushed, "two-stage"))
             runs = len(unpushed)
             print(f"| {name} | {kind} | {up} of {runs} | {kept} of {runs} | {back} of {runs} |", flush=True)
 
 
-def with_push(episodes: BipedEpisodes, walk: Scenario, run: int) -> Scenario:
-    """The same walk under a push of half F*, at a drawn step, judged as in suites."""
+def with_push(episodes: BipedEpisodes, walk: Scenario, run: int, frontier: Path | None) -> Scenario:
+    """The same walk under a push of half the largest, at a drawn step, judged as in suites."""
     rng = np.random.default_rng(np.random.SeedSequence([SEED, run]))
     psi = rng.uniform(0.0, 2.0 * math.pi)
-    force = 0.5 * own_limit_force(SimpleNamespace(unwrapped=episodes), psi, PUSHED_FOR, walk.command)  # type: ignore[arg-type]
+    if frontier is None:
+        largest = own_limit_force(SimpleNamespace(unwrapped=episodes), psi, PUSHED_FOR, walk.command)  # type: ignore[arg-type]
+    else:
+        found = json.loads(frontier.read_text())["directions"]
+        angles, forces = ([one[key] for one in found] for key in ("psi_deg", "threshold_N"))
+        largest = float(np.interp(math.degrees(psi), angles, forces, period=360.0))
     start = GaitEvent(int(rng.integers(4, 12)), "left", 0.0)
-    push = polar_push(force, psi, PUSHED_FOR, start)
+    push = polar_push(0.5 * largest, psi, PUSHED_FOR, start)
     return replace(walk, id=f"{walk.id} pushed", pushes=(push,), duration=None)
 
 

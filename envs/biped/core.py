@@ -447,8 +447,10 @@ class BipedCore:
             committed = landing < self.settings.commit
             (x, y, _), forward = sole_position(true, k, stance), true.xmat[k, FOOT_BODY[stance]]
             yaw, sign = math.atan2(forward[3], forward[0]), side_sign(stance)
-            if not committed:
-                way, speed = self.floors.way[k], self.command.item(k, 0)
+            way, speed = self.floors.way[k], self.command.item(k, 0)
+            if committed:
+                self._footholds.hold_step(way, speed, self.observation[k], gait.plan[k], asked)
+            else:
                 own = Stance(stance, gait.time.item(k), x, y, yaw, sign * asked[STEP + 1], speed)
                 self._footholds.begin_step(floor, way, own)
                 self._footholds.move_step(way, speed, self.observation[k], asked)

@@ -139,6 +139,7 @@ INSIDE = 0.01  # how far into the next interval a long step shall land [m]
 GOES_AT = 0.4  # share of the way to the next interval by which a robot is behind before it goes over
 LONG = 0.75  # a long step takes so much of the time between the nominal and the longest one
 FARTHEST_BEHIND = 0.4  # [m]
+SOONEST = 0.01  # a committed step that is due ends no sooner than this [s]
 CHANGE = 0.05  # another interval than the one taken has to be better by as much as this error of b [m]
 
 
@@ -259,7 +260,7 @@ class FootholdPlanner:
             u, found = solution[:2], solution[stage_1.SOLVED_TAU]
             missed = solution[stage_1.SOLVED_OFFSET : stage_1.SOLVED_OFFSET + 2] - aim
             growth = found * math.exp(omega * (config.touchdown_delay - elapsed)) - 1.0
-            moved = min(max(asked[COP] + missed[0] / growth, -limits.cop_x_max), limits.cop_x_max)
+            moved = self._moved_cop(asked, missed[0], growth)
             missed[0] -= (moved - asked[COP]) * growth
             cost = config.alpha_duration * (found - tau) ** 2 + config.alpha_offset * np.sum(missed**2)
             if way[TAKEN] not in {-1.0, number}:
@@ -269,6 +270,27 @@ class FootholdPlanner:
         way[TAKEN] = taken
         asked[STEP], asked[STEP + 1], asked[DURATION] = *chosen[:2], math.log(chosen[2]) / omega
         asked[COP] = cop
+
+    def hold_step(self, way: Array, speed: float, obs: Array, held: Array, asked: Array) -> None:
+        """Write the CoP into `asked` (7,) by which the DCM gets to a step that is committed, `held` (7,).
+
+        The policy knows nothing of that step: its own CoP would stop the DCM where its own step was to be.
+        """
+        if way[COUNT] == 0.0 or way[TAKEN] < 0.0:
+            return
+        elapsed = float(obs[ELAPSED])
+        gain = float(obs[DCM][0]) * math.exp(self._omega * (self._config.touchdown_delay - elapsed))
+        offset = gain * math.exp(self._omega * asked[DURATION]) - float(asked[STEP])
+        here, sent = self._sent_ahead(way, speed, float(asked[DURATION]), offset)
+        tau = math.exp(self._omega * max(held[DURATION], elapsed + SOONEST))
+        missed = gain * tau - float(held[STEP]) - (sent if way[TAKEN] == here else offset)
+        growth = tau * math.exp(self._omega * (self._config.touchdown_delay - elapsed)) - 1.0
+        asked[COP] = self._moved_cop(asked, missed, growth)
+
+    def _moved_cop(self, asked: Array, missed: float, growth: float) -> float:
+        """The CoP that moves the DCM at touchdown by -`missed`, within the sole [m]."""
+        most = self._limits.cop_x_max
+        return min(max(float(asked[COP]) + missed / growth, -most), most)
 
     def _sent_ahead(self, way: Array, speed: float, duration: float, offset: float) -> tuple[int, float]:
         """Number of the interval that the robot stands in, and the DCM offset [m] of a step that stays there.

@@ -206,6 +206,45 @@ def test_a_robot_behind_its_command_sends_its_dcm_ahead(behind):
         assert arrives == pytest.approx(0.03, abs=0.03)
 
 
+@pytest.mark.parametrize("elapsed", [0.40, 0.44])
+@pytest.mark.parametrize("cop", [-0.02, 0.03])
+def test_the_cop_of_a_committed_step_brings_the_dcm_there_with_the_offset_that_the_policy_asks_for(
+    elapsed, cop
+):
+    """The step is 1 cm longer than the policy's own, or out of reach of the sole."""
+    way, _, _, _ = asked_with(0.1)
+    assert way[TAKEN] == 1.0
+    remaining, dcm, shorter = 0.47 + CONFIG.touchdown_delay - elapsed, 0.14, 0.15
+    obs, asked = np.zeros(36), np.array([shorter, 0.2, 0.47, cop, 0.0, 3.0, -4.0])
+    obs[0], obs[1] = elapsed, dcm
+
+    def arrives(p: float) -> float:
+        return p + (dcm - p) * math.exp(OMEGA * remaining)
+
+    for longer, reached in ((0.01, True), (0.3, False)):
+        moved = asked.copy()
+        held = np.array([shorter + longer, 0.3, 0.47, 0.0, 0.0, 0.0, 0.0])
+        FOOTHOLDS.hold_step(way, 0.2, obs, held, moved)
+        np.testing.assert_array_equal(np.delete(moved, 3), np.delete(asked, 3))
+        if reached:
+            assert arrives(moved[3]) - held[0] == pytest.approx(arrives(cop) - shorter, abs=1e-12)
+        else:
+            assert moved[3] == -BIPED_LIMITS.cop_x_max
+
+
+def test_a_committed_step_that_is_overdue_has_10_ms_left_and_a_clear_floor_leaves_the_cop():
+    way, _, _, _ = asked_with(0.1)
+    held, obs = np.array([0.15, 0.2, 0.47, 0.0, 0.0, 0.0, 0.0]), np.zeros(36)
+    obs[0], obs[1] = 0.5, 0.14
+    asked = np.array([0.15, 0.2, 0.51, 0.01, 0.0, 0.0, 0.0])
+    moved = asked.copy()
+    FOOTHOLDS.hold_step(way, 0.2, obs, held, moved)
+    np.testing.assert_allclose(moved, asked, atol=1e-12)
+    for clear in (np.zeros(WAY_SIZE), np.r_[way[:TAKEN], -1.0, way[TAKEN + 1 :]]):
+        FOOTHOLDS.hold_step(clear, 0.2, obs, held + 0.1, moved)
+        np.testing.assert_allclose(moved, asked, atol=1e-12)
+
+
 def test_how_far_a_robot_is_behind_counts_from_step_to_step_while_an_edge_is_near():
     way = np.zeros(WAY_SIZE)
     FOOTHOLDS.begin_step(EDGE, way, standing())
