@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -83,6 +83,7 @@ def main() -> None:
     options = parser.parse_args()
     if options.frontier and len(options.robots) > 1:
         parser.error("--frontier is of one robot: name it with --robots")
+    frontier = json.loads(options.frontier.read_text())["directions"] if options.frontier else []
     for name in options.robots:
         own = {} if name == "biped" else {"robot": name, "preset": name}
         episodes = BipedEpisodes(options.runs, threads=2, **own)
@@ -94,22 +95,26 @@ def main() -> None:
             unpushed = [one for own_kind, one in found if own_kind == kind]
             walked = list(rollout_batch(episodes, planner, unpushed, "two-stage"))
             up, kept = (sum(getattr(one, name) for one in walked) for name in ("survived", "recovered"))
-            pushed = [with_push(episodes, one, run, options.frontier) for run, one in enumerate(unpushed)]
+            pushed = [with_push(episodes, one, run, frontier) for run, one in enumerate(unpushed)]
             back = sum(one.recovered for one in rollout_batch(episodes, planner, pushed, "two-stage"))
             runs = len(unpushed)
             print(f"| {name} | {kind} | {up} of {runs} | {kept} of {runs} | {back} of {runs} |", flush=True)
 
 
-def with_push(episodes: BipedEpisodes, walk: Scenario, run: int, frontier: Path | None) -> Scenario:
-    """The same walk under a push of half the largest, at a drawn step, judged as in suites."""
+def with_push(
+    episodes: BipedEpisodes, walk: Scenario, run: int, frontier: Sequence[Mapping[str, float]]
+) -> Scenario:
+    """The same walk under a push of half the largest, at a drawn step, judged as in suites.
+
+    The largest is that of the frontier, where its directions are given, and otherwise F*.
+    """
     rng = np.random.default_rng(np.random.SeedSequence([SEED, run]))
     psi = rng.uniform(0.0, 2.0 * math.pi)
-    if frontier is None:
-        largest = own_limit_force(SimpleNamespace(unwrapped=episodes), psi, PUSHED_FOR, walk.command)  # type: ignore[arg-type]
-    else:
-        found = json.loads(frontier.read_text())["directions"]
-        angles, forces = ([one[key] for one in found] for key in ("psi_deg", "threshold_N"))
+    if frontier:
+        angles, forces = ([one[key] for one in frontier] for key in ("psi_deg", "threshold_N"))
         largest = float(np.interp(math.degrees(psi), angles, forces, period=360.0))
+    else:
+        largest = own_limit_force(SimpleNamespace(unwrapped=episodes), psi, PUSHED_FOR, walk.command)  # type: ignore[arg-type]
     start = GaitEvent(int(rng.integers(4, 12)), "left", 0.0)
     push = polar_push(0.5 * largest, psi, PUSHED_FOR, start)
     return replace(walk, id=f"{walk.id} pushed", pushes=(push,), duration=None)

@@ -165,9 +165,9 @@ class PolicyContract:
                 f"policy {self.name!r} is of another robot: this one lacks {len(lacking)} of the "
                 f"{len(self.joints)} joints that it moves, such as {lacking[0]!r} (--env ID, see list)"
             )
-        for name in lacking:
+        if lacking:
             raise UnknownNameError(
-                f"joint of the robot in {NAMES} of policy {self.name!r}", name, filter(None, robot)
+                f"joint of the robot in {NAMES} of policy {self.name!r}", lacking[0], filter(None, robot)
             )
         return tuple(name for name in self.joints if name in has)
 
