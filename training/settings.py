@@ -337,9 +337,9 @@ JOINT_ON_HARDWARE = replace(
 # The same on robots of others, on as many actions as two cores had time for
 JOINT_ON_ROBOT = {
     f"joint-residual-{robot.lower()}": replace(
-        JOINT_RESIDUAL, env_id=f"PushRecovery/{robot}JointResidual-v0", timesteps=timesteps
+        JOINT_RESIDUAL, env_id=f"PushRecovery/{robot}JointResidual-v0", timesteps=10_000_000
     )
-    for robot, timesteps in (("G1", 10_000_000), ("T1", 4_000_000), ("JVRC1", 2_000_000))
+    for robot in ("G1", "T1", "JVRC1")
 }
 # Of networks that have no planner to fall back on: the easy ones, too
 ALL_PUSHES = replace(TRAINING_PUSHES, impulse_min=5.0)
