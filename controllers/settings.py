@@ -78,7 +78,6 @@ class PlannerConfig:
     beta_trunk_limit: float = 1e4  # weight of the trunk angle beyond its limit [1/rad^2]
     standing_horizon: float = 0.6  # of stage 2 on two standing feet [s]
     standing_carry: float = 0.1  # `push_carry` of stage 2 on two standing feet [s]
-    standing_reach: float = 0.0  # of steps of a robot told to stand (`GaitLimits.reaching`) [m]
     first_interval_min: float = 0.01  # the control period: shortest first interval of the horizon [s]
     jerk_cost: Literal["literal", "repaired"] = "repaired"  # jerk form: eq. 20, or about the free motion
 
@@ -349,7 +348,7 @@ _BY_UNIT: Mapping[str, Mapping[Unit, str]] = {
         PER_AREA: "alpha_step alpha_offset beta_cop beta_dcm",
         TIME: "duration_margin freeze touchdown_delay double_support push_carry sampling_time "
         "tail_sampling_time mpc_step standing_carry standing_horizon",
-        LENGTH: "push_threshold standing_reach",
+        LENGTH: "push_threshold",
         SWING: "swing_acceleration",
         (("length", -2.0), ("time", 4.0)): "beta_dcm_acceleration",
         (("trunk_acceleration", -2.0),): "beta_trunk",

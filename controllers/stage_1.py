@@ -289,7 +289,7 @@ class StepPlanner:
             **config.numbers(StepConstants._fields),
         )
         self._constants = np.array(constants)
-        self._boxes = nominal_gait.step_boxes(limits, config.standing_reach)
+        self._box = limits.low, limits.high
         self._latest = LATEST / robot.omega  # [s]
 
     def plan(self, observations: Floats, rows: Floats) -> int:
@@ -298,7 +298,7 @@ class StepPlanner:
         Raises:
             InvalidValueError: an observation is not finite, or far too large to be a robot's.
         """
-        standing = plan_steps(observations, rows, self._constants, self._boxes)
+        standing = plan_steps(observations, rows, self._constants, *self._box)
         if standing >= 0:
             return standing
         if not np.isfinite(observations).all():
@@ -487,7 +487,7 @@ def plan_step(obs, c, low, high, row):  # pragma: no cover
 
 
 @njit(cache=True, nogil=True)
-def plan_steps(observations, rows, constants, boxes):  # pragma: no cover
+def plan_steps(observations, rows, constants, low, high):  # pragma: no cover
     """Plans (n, ROW_SIZE) of observations (n, 36); returns how many of the robots stand on both feet.
 
     It is -1, and there is no plan, where an entry is out of all bounds.
@@ -503,6 +503,5 @@ def plan_steps(observations, rows, constants, boxes):  # pragma: no cover
             bounded = bounded and abs(observations[i, j]) <= LARGEST  # NaN is not
     if bounded:
         for i in range(observations.shape[0]):
-            box = nominal_gait.box_at(observations[i], boxes)
-            plan_step(observations[i], c, box[0], box[1], rows[i])
+            plan_step(observations[i], c, low, high, rows[i])
     return standing if bounded else -1

@@ -171,7 +171,7 @@ def observe(
 ) -> float:  # fmt: skip
     """Write observation (36,) and world points (6,) [m] of one robot; returns its capture margin [m].
 
-    `capture` are `CaptureConstants` of a robot that walks and of one told to stand.
+    `capture` are `CaptureConstants`.
     """
     frame = canonical_frame(gait.heading[k], gait.stance[k])
     omega, velocity = kinematics.base_angular_velocity(phys, k), kinematics.com_velocity(phys, k)
@@ -188,7 +188,7 @@ def observe(
     write_push_estimate(contacts, k, mass, s, frame, velocity, o)
     write_world(phys, gait, k, s, frame, o, world)
     dcm, angle, rate = o[_DCM : _DCM + 2], o[_ANGLE : _ANGLE + 2], o[_RATE : _RATE + 2]
-    other, capture = o[_SWING : _SWING + 2], capture[int(gait.stand[k])]
+    other = o[_SWING : _SWING + 2]
     if gait.elapsed[k] < 0.0:
         return margin_on_both_feet(other, dcm, angle, rate, capture)
     left = max(s.double_support - gait.elapsed[k], 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -82,12 +82,6 @@ class GaitLimits:
             trunk_pitch=robot.trunk_pitch,
             trunk_roll=robot.trunk_roll,
         )
-
-    def reaching(self, reach: float) -> GaitLimits:
-        """The limits of a robot told to stand, with steps of up to `reach` [m] along each axis; 0: these."""
-        if reach == 0.0:
-            return self
-        return replace(self, length_min=-reach, length_max=reach, width_max=reach)
 
     @cached_property
     def trunk_accelerations(self) -> tuple[float, float]:

@@ -46,8 +46,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidValueError
 from ..jit import njit
-from .gait_box import COP, DURATION, GAIT_SIZE, STEP, GaitLimits, unscaled
-from .observation import ELAPSED, STANCE_CONTACT, SWING_POSITION, TOLD_TO_STAND
+from .gait_box import COP, DURATION, GAIT_SIZE, STEP, GaitLimits
+from .observation import ELAPSED, SWING_POSITION
 from .robot import RobotModel
 
 INSTANT = 1e-9  # less double support than this is over [s]
@@ -334,37 +334,11 @@ def _widen(observations: Any, actions: Any, low: Any, high: Any, double_support:
             gaits[i, COP + axis] = bottom + share * (top - bottom)
 
 
-def step_boxes(limits: GaitLimits, reach: float) -> NDArray[np.float64]:
-    """The box (2, 7) of a walking robot, and that of one told to stand with a `reach` [m]: (2, 2, 7)."""
-    return np.stack([limits.box, limits.reaching(reach).box])
-
-
-@njit(cache=True)
-def box_at(obs: Any, boxes: Any) -> Any:
-    """The box (2, 7) of `step_boxes` that holds at an observation (36,)."""
-    return boxes[1 if obs[STANCE_CONTACT] >= TOLD_TO_STAND else 0]
-
-
-@njit(cache=True)
-def rescale_step(action: Any, old: Any, new: Any) -> None:
-    """Have an action (7,) for a box (2, 7) mean the same place of the step in a new box."""
-    for j in range(STEP, STEP + 2):
-        place = unscaled(action[j], old[0, j], old[1, j])
-        action[j] = min(max(2.0 * (place - new[0, j]) / (new[1, j] - new[0, j]) - 1.0, -1.0), 1.0)
-
-
 def gaits_of_actions(
-    limits: GaitLimits, observations: NDArray[np.float64], actions: NDArray[Any], double_support: float,
-    standing: GaitLimits | None = None,
-) -> NDArray[np.float64]:  # fmt: skip
-    """Gait variables (n, 7) of actions (n, 7) at observations (n, 36), the CoP being that of `cop_range`.
-
-    A robot told to stand has its own limits, `standing`; see `GaitLimits.reaching`.
-    """
+    limits: GaitLimits, observations: NDArray[np.float64], actions: NDArray[Any], double_support: float
+) -> NDArray[np.float64]:
+    """Gait variables (n, 7) of actions (n, 7) at observations (n, 36), the CoP being that of `cop_range`."""
     gaits = limits.from_action(actions)
-    told = observations[:, STANCE_CONTACT] >= TOLD_TO_STAND
-    if standing is not None and told.any():
-        gaits[told] = standing.from_action(np.asarray(actions)[told])
     if double_support > 0.0 or (observations[:, ELAPSED] < 0.0).any():
         asked = np.asarray(actions, dtype=np.float64)
         _widen(observations, asked, limits.low, limits.high, double_support, gaits)
@@ -372,14 +346,12 @@ def gaits_of_actions(
 
 
 @njit(cache=True)
-def scale_action(gait, obs, boxes, double_support, action):  # pragma: no cover
+def scale_action(gait, obs, low, high, double_support, action):  # pragma: no cover
     """Gait variables (7,) as a float32 action (7,); the arithmetic of `GaitLimits.to_action`.
 
-    They are scaled from what they may be at the observation, see `box_at` and `cop_range`. An entry without
-    a range, the trunk's about an axis that the waist lacks, is 0.
+    They are scaled from the box `low` to `high` (7,), the CoP from `cop_range`. An entry without a range, the
+    trunk's about an axis that the waist lacks, is 0.
     """
-    box = box_at(obs, boxes)
-    low, high = box[0], box[1]
     for j in range(GAIT_SIZE):
         bottom, top = low[j], high[j]
         if j == COP or j == COP + 1:

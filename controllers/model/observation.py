@@ -93,7 +93,7 @@ TRUNK_RATE = slice(17, 19)  # [rad/s]
 PELVIS_ANGLE = slice(19, 21)  # lean of the pelvis: pitch, roll (zero on the pendulum)
 HEADING_ERROR = 21  # pelvis yaw over the heading, positive towards +y [rad]
 YAW_RATE = 22  # [rad/s], positive towards +y
-STANCE_CONTACT = 23  # 1 if the stance foot carries load; TOLD_TO_STAND more in the box of standing
+STANCE_CONTACT = 23  # 1 if the stance foot carries load
 SWING_CONTACT = 24
 COMMAND = slice(25, 27)  # commanded velocity x, y [m/s]
 PREVIOUS_ACTION = slice(27, 34)  # action of the last period, in [-1, 1]
@@ -102,7 +102,6 @@ PREVIOUS_ACTION = slice(27, 34)  # action of the last period, in [-1, 1]
 PUSH_ESTIMATE = slice(34, 36)
 
 ON_BOTH_FEET = -1.0  # "elapsed" of a robot that stands on both feet until a step begins
-TOLD_TO_STAND = 2.0
 
 # Columns of DCM, CoP and CMP in the world [m], for `info`; of a pair (x, y) the first one
 WORLD_DCM, WORLD_COP, WORLD_CMP = 0, 2, 4

@@ -49,15 +49,11 @@ class ResidualBase:
         object.__setattr__(self, "gate", None if self.gate is None else check_gate(self.gate))
 
     def make(self, robot: RobotModel, limits: GaitLimits) -> Policy:
-        """The policy below, with the weights that it had in training.
-
-        Its box of steps when told to stand is the environment's, by which actions are scaled: the preset's.
-        """
+        """The policy below, with the weights that it had in training."""
         policy = make_policy(self.policy, robot, limits, self.preset)
         if self.config is None or not isinstance(policy, TwoStagePolicy):
             return policy
-        config = self.config.replace(standing_reach=policy.config.standing_reach)
-        return TwoStagePolicy(robot, limits, config, adapt=self.policy != "passive", name=self.policy)
+        return TwoStagePolicy(robot, limits, self.config, adapt=self.policy != "passive", name=self.policy)
 
 
 @dataclass(frozen=True)
@@ -197,16 +193,19 @@ def read_residual(values: Any) -> ResidualBase:
     residual = _record(ResidualBase, values, "residual")
     if residual.config is None:
         return residual
-    return replace(residual, config=_record(PlannerConfig, _with_newer(residual.config), "planner config"))
+    return replace(residual, config=_record(PlannerConfig, _of_today(residual.config), "planner config"))
 
 
-# Fields that the files of earlier versions lack
-NEWER = {"standing_horizon": 0.6, "standing_carry": 0.1, "standing_reach": 0.0}
+# Fields that the files of earlier versions lack, and those that no longer exist with the value that is off
+NEWER: dict[str, Any] = {"standing_horizon": 0.6, "standing_carry": 0.1}
+GONE: dict[str, Any] = {"standing_reach": 0.0}
 
 
-def _with_newer(config: Any) -> Any:
-    """The planner's settings of a file, with those that did not exist when it was written."""
-    return NEWER | config if isinstance(config, dict) else config
+def _of_today(config: Any) -> Any:
+    """The planner's settings of a file of any version in today's fields."""
+    if not isinstance(config, dict):
+        return config
+    return NEWER | {name: value for name, value in config.items() if name not in GONE or value != GONE[name]}
 
 
 def _record(kind: type[T], values: Any, name: str) -> T:

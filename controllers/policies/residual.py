@@ -12,7 +12,7 @@ from ..errors import InvalidValueError, shown
 from ..jit import njit
 from ..model.gait_box import GAIT_NAMES, GAIT_SIZE, GaitLimits
 from ..model.nominal_gait import NOMINAL_SIZE, check_pelvis, nominal_gait_kernel, step_start_dcm_kernel
-from ..model.observation import COMMAND, DCM, ELAPSED, STANCE_CONTACT, TOLD_TO_STAND
+from ..model.observation import COMMAND, DCM, ELAPSED
 from ..model.robot import RobotModel
 from .interface import Policy
 
@@ -94,7 +94,7 @@ class ResidualGate:
     xi(t) exp(-omega t) is the measured DCM traced back to the begin of the step, xi_0,nom the nominal gait's
     there. An undisturbed walk of the policy below stays under 0.024 m and is its own, bit for bit, where
     `shut` is no less; in the first 0.3 s of one that turns at 0.3 m/s or more e is up to 0.054 m.
-    It is shut on both feet, and in the box of steps of a robot that is told to stand: e means nothing there.
+    It is shut on both feet: e means nothing there.
 
     Args:
         robot: Physical constants.
@@ -122,7 +122,7 @@ def _openings(observations, constants, low, high):  # pragma: no cover - compile
     nominal = np.empty(NOMINAL_SIZE)
     for i in range(observations.shape[0]):
         obs = observations[i]
-        if obs[_ELAPSED] < 0.0 or obs[STANCE_CONTACT] >= TOLD_TO_STAND:
+        if obs[_ELAPSED] < 0.0:
             out[i, 0] = 0.0
             continue
         nominal_gait_kernel(obs[_COMMAND], obs[_COMMAND + 1], pelvis_width, low, high, omega, delay, nominal)

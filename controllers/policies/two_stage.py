@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InvalidValueError, UnknownNameError
 from ..jit import RangeThreads, announce_compilation, njit
 from ..model.gait_box import COP, DURATION, GAIT_SIZE, STEP, TRUNK, GaitLimits
-from ..model.nominal_gait import NOMINAL_SIZE, NominalGait, scale_action, step_boxes
+from ..model.nominal_gait import NOMINAL_SIZE, NominalGait, scale_action
 from ..model.observation import ELAPSED, OBSERVATION_SIZE, as_batch
 from ..model.robot import RobotModel
 from ..settings import ARMS, PAPER_SUFFIX, PlannerConfig, load_preset, named_preset, preset_config
@@ -124,10 +124,10 @@ ROWS_A_THREAD = 256  # with fewer plans, waking a thread costs what it saves
 
 
 @njit(cache=True, nogil=True)
-def scale_actions(gaits, observations, boxes, double_support, actions):  # pragma: no cover
+def scale_actions(gaits, observations, low, high, double_support, actions):  # pragma: no cover
     """`scale_action` of every row, whose first seven columns are gait variables, into actions (n, 7)."""
     for i in range(gaits.shape[0]):
-        scale_action(gaits[i], observations[i], boxes, double_support, actions[i])
+        scale_action(gaits[i], observations[i], low, high, double_support, actions[i])
 
 
 class TwoStagePolicy:
@@ -170,8 +170,7 @@ class TwoStagePolicy:
         self._stage_1 = StepPlanner(self.robot, self.limits, self.config, adapt)
         self._stage_2 = make_regulator(self.robot, self.limits, self.config, self._threads.threads)
         self._standers: dict[int, Any] = {}  # a `Stander` for each thread that has met a standing robot
-        boxes = step_boxes(self.limits, self.config.standing_reach)
-        self._bounds = boxes, self.config.double_support
+        self._bounds = self.limits.low, self.limits.high, self.config.double_support
         self._rows = np.zeros((0, ROW_SIZE))  # of the last call
 
     @property

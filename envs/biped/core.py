@@ -21,7 +21,7 @@ from ...controllers.estimation.self_model import empty_self_model, forget
 from ...controllers.jit import RangeThreads
 from ...controllers.model.capturability import capture_constants
 from ...controllers.model.gait_box import DURATION, GAIT_SIZE, STEP, GaitLimits
-from ...controllers.model.nominal_gait import NominalStart, step_boxes
+from ...controllers.model.nominal_gait import NominalStart
 from ...controllers.model.observation import OBSERVATION_SIZE, ON_BOTH_FEET, WORLD_SIZE, side_sign
 from ...controllers.model.robot import RobotModel
 from ...controllers.settings import PlannerConfig, load_preset, named_preset
@@ -261,9 +261,7 @@ class BipedCore:
     def configure(self, settings: BipedSettings, planner: PlannerConfig = DEFAULT_PLANNER) -> None:
         """Set the constants of gait machine and whole-body control, and whose plans' limits are recorded."""
         self.settings = settings.gait._replace(double_support=planner.double_support)
-        standing = self._limits.reaching(planner.standing_reach)
-        self._capture = np.array([capture_constants(self.robot, own) for own in (self._limits, standing)])
-        self._boxes = step_boxes(self._limits, planner.standing_reach)
+        self._capture = capture_constants(self.robot, self._limits)
         self._footholds = FootholdPlanner(self.robot.omega, self._limits, planner)
         self.limits_record.edges[:] = plan_limits(self.robot, self._limits, planner, settings.gait.commit)
         threads, motors = range(self._threads.threads), self.body.motors
@@ -276,8 +274,8 @@ class BipedCore:
     def _bind(self) -> None:
         """Write the address tables anew, for each sensing one a thread: whenever an array is replaced."""
         exchange = Exchange(
-            self.command, self.previous_action, self._capture, self._boxes, self.observation, self.margin,
-            self.world, self.truth, self.com,
+            self.command, self.previous_action, self._capture, self.observation, self.margin, self.world,
+            self.truth, self.com,
         )  # fmt: skip
         state = self.physics, self.gait, self.pushes
         rest = self.errors, self.limits_record, self.schedule, self.known, self.floors

@@ -17,9 +17,7 @@ from ...controllers.model.gait_box import COP, DURATION, STEP, TRUNK, GaitLimits
 from ...controllers.model.nominal_gait import both_stand
 from ...controllers.model.observation import (
     ELAPSED,
-    STANCE_CONTACT,
     SWING_POSITION,
-    TOLD_TO_STAND,
     TRUNK_ANGLE,
 )
 from ...controllers.model.robot import RobotModel
@@ -57,9 +55,6 @@ class PlanLimits(NamedTuple):
     length_max: float  # [m]
     width_min: float  # [m]
     width_max: float  # [m]
-    reach_back: float  # length_min of a robot told to stand [m]
-    reach_ahead: float  # its length_max [m]
-    reach_aside: float  # its width_max [m]
     duration_min: float  # [s]
     cop_x_max: float  # where the planner may put the CoP, both ways [m]
     cop_y_max: float  # [m]
@@ -101,16 +96,12 @@ def plan_limits(robot: RobotModel, limits: GaitLimits, config: PlannerConfig, fi
     if robot.trunk_pitch or robot.trunk_roll:
         acceleration, gravity = limits.trunk_acceleration_max, config.trunk_gravity / robot.trunk_inertia
         torque, lean = robot.trunk_torque_max / robot.trunk_inertia, LEAN_SHARE * robot.trunk_angle_max
-    standing = limits.reaching(config.standing_reach)
     return np.array(
         PlanLimits(
             length_min=limits.length_min,
             length_max=limits.length_max,
             width_min=limits.width_min,
             width_max=limits.width_max,
-            reach_back=standing.length_min,
-            reach_ahead=standing.length_max,
-            reach_aside=standing.width_max,
             duration_min=limits.duration_min,
             cop_x_max=limits.cop_x_max - config.cop_margin_x,
             cop_y_max=limits.cop_y_max - config.cop_margin_y,
@@ -159,12 +150,9 @@ def plan_limits_met(observation: Array, plan: Array, before: int, edges: Array) 
         bits = before & OF_STEP
     elif elapsed >= 0.0:
         length, width = plan[STEP], plan[STEP + 1]
-        shortest, longest, widest = bounds.length_min, bounds.length_max, bounds.width_max
-        if observation[STANCE_CONTACT] >= TOLD_TO_STAND:
-            shortest, longest, widest = bounds.reach_back, bounds.reach_ahead, bounds.reach_aside
-        if length < shortest + AT_BOUND or length > longest - AT_BOUND:
+        if length < bounds.length_min + AT_BOUND or length > bounds.length_max - AT_BOUND:
             bits |= STEP_LENGTH
-        if width < bounds.width_min + AT_BOUND or width > widest - AT_BOUND:
+        if width < bounds.width_min + AT_BOUND or width > bounds.width_max - AT_BOUND:
             bits |= STEP_WIDTH
         if plan[DURATION] < bounds.duration_min + AT_BOUND_TIME:
             bits |= STEP_TIME

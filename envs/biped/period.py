@@ -22,7 +22,6 @@ from ...controllers.array_table import (
     SENSED,
     Floats1,
     Floats2,
-    Floats3,
     Ints1,
     address_of,
     caller_of,
@@ -37,9 +36,7 @@ from ...controllers.estimation.observe import Contacts, count_contacts, observe,
 from ...controllers.estimation.self_model import SelfModel
 from ...controllers.jit import njit
 from ...controllers.math3 import Vector, cross, stack_floats, to_world, vector_at, vector_in, vector_of
-from ...controllers.model.gait_box import DURATION, STEP
-from ...controllers.model.nominal_gait import rescale_step
-from ...controllers.model.observation import STANCE_CONTACT, TOLD_TO_STAND
+from ...controllers.model.gait_box import DURATION
 from ...controllers.whole_body import gait_machine
 from ...controllers.whole_body.gait_machine import NOT_FINITE, Gait, GaitSettings
 from ...controllers.whole_body.inverse_dynamics import Gains
@@ -79,8 +76,7 @@ class Exchange(NamedTuple):
 
     command: Floats2  # (n, 3) in force [m/s], [m/s], [rad/s]
     previous_action: Floats2  # (n, 7)
-    capture: Annotated[Floats2, COMMON]  # (2, ..) constants of the capture margin: walking, told to stand
-    boxes: Annotated[Floats3, COMMON]  # (2, 2, 7) of `step_boxes`
+    capture: Annotated[Floats1, COMMON]  # `CaptureConstants`
     observation: Floats2  # (n, 36), written
     margin: Floats1  # (n,) capture margin [m], written
     world: Floats2  # (n, 6) DCM, CoP and CMP in the world [m], written
@@ -436,12 +432,10 @@ def observe_robot(t: Tables, k: int, settings: GaitSettings) -> None:
         part_of(a, Arena, "gait"),
         part_of(a, Arena, "contacts"),
     )
-    command, previous, capture, boxes, out, margin, world, truth, com = part_of(a, Arena, "exchange")
+    command, previous, capture, out, margin, world, truth, com = part_of(a, Arena, "exchange")
     errors, known = part_of(a, Arena, "errors"), part_of(a, Arena, "known")
     judged, judged_contacts = part_of(a, Arena, "judged"), part_of(a, Arena, "judged_contacts")
     follow(part_of(a, Arena, "schedule"), k, gait.time[k], command[k])
-    if gait.stand[k] != command[k, STAND]:
-        rescale_step(previous[k], boxes[int(gait.stand[k])], boxes[int(command[k, STAND])])
     gait.turn[k], gait.stand[k] = command[k, TURN], command[k, STAND]
     span, before = contacts.time[k], (world[k, 0], world[k, 1])
     com[k, 0], com[k, 1] = judged.com[k, 0, 0], judged.com[k, 0, 1]
@@ -458,8 +452,6 @@ def observe_robot(t: Tables, k: int, settings: GaitSettings) -> None:
             phys, gait, k, contacts, mass, settings, command[k], previous[k], capture, seen, sensed.world[k]
         )
     model_errors.write_seen(errors, k, gait.steps[k], span, settings.omega, seen, out[k])
-    if gait.stand[k] > 0.0 and boxes[1, 1, STEP] != boxes[0, 1, STEP]:  # by which its actions are scaled
-        out[k, STANCE_CONTACT] = seen[STANCE_CONTACT] + TOLD_TO_STAND
     if span > 0.0 or errors.noise[k, model_errors.DCM_NOISE] == 0.0:  # otherwise it is seen as it was
         self_model.show_known(known, k, gait, span, out[k])
     if not tracks_plan(judged, gait, k, span, settings, before, truth[k], world[k]):

@@ -130,8 +130,6 @@ class GaitEpisodes(ABC, Generic[C]):
         self.n, self.robot, self.limits, self.preset = n, robot, limits, preset
         self.control_hz, self.arm = getattr(control_hz, "item", lambda: control_hz)(), arm
         timing = self.touchdown_delay, self.double_support = config.touchdown_delay, config.double_support
-        reach = config.standing_reach if self.walks else 0.0
-        self.standing_limits = limits.reaching(reach)  # of robots told to stand
         self.both_feet = self.double_support > 0.0  # whether a robot may be on both feet at a time
         self.monitor = GaitMonitor(self.n)
         self.planned = np.ones(n)  # step duration T that the last action asked for [s]
@@ -225,7 +223,7 @@ class GaitEpisodes(ABC, Generic[C]):
         if not self.both_feet:
             return self.limits.from_action(actions)
         seen = self.core.observation
-        return gaits_of_actions(self.limits, seen, actions, self.double_support, self.standing_limits)
+        return gaits_of_actions(self.limits, seen, actions, self.double_support)
 
     def walk(self, planner: Policy) -> Period:
         """One planning period under the actions of a planner of gaits."""
@@ -252,8 +250,7 @@ class GaitEpisodes(ABC, Generic[C]):
         if scenario.command.stand:
             start = standing_start(self.robot.pelvis_width, scenario.stride)
             values[DURATION] = self.limits.duration_max
-        limits = self.standing_limits if scenario.command.stand else self.limits
-        self.core.reset(k, scenario, start, values, limits.to_action(values).astype(np.float64))
+        self.core.reset(k, scenario, start, values, self.limits.to_action(values).astype(np.float64))
         self._bind_if_new()
         self.monitor.reset(k)
         self.planned[k] = gait.duration

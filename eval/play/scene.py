@@ -56,7 +56,7 @@ def overlays_of(episodes: BipedEpisodes) -> dict[str, Array]:
     where the DCM can be caught without one: the hull of both soles, widened by what the trunk's swing gives.
     """
     core, truth = episodes.core, episodes.core.truth[0]
-    limits = episodes.standing_limits if core.gait.stand[0] else episodes.limits
+    limits = episodes.limits
     lean, rate = truth[observation.TRUNK_ANGLE], truth[observation.TRUNK_RATE]
     elapsed = float(truth[observation.ELAPSED])
     offset = recoverable_offset(episodes.robot, limits, max(elapsed, 0.0), lean, rate)

@@ -7,7 +7,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.model.nominal_gait import rescale_step
 from push_recovery.controllers.model.observation import ON_BOTH_FEET, SWING_CONTACT, SWING_POSITION
 from push_recovery.controllers.model.standing import max_standing_force
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, LEG_JOINT
@@ -58,10 +57,9 @@ def pushed(force, psi, command=STAND, **changes):
 
 
 @pytest.mark.parametrize("command", [STAND, Command()])
-def test_only_a_robot_told_to_stand_steps_beyond_the_box_of_all_others(stage, command):
-    """And whatever it plans, its environment means the same step; a kick of 2 m/s needs the longer ones."""
+def test_a_kicked_robot_steps_to_the_end_of_its_box_and_stays_up(stage, command):
+    """And whatever it plans, its environment means the same step."""
     env, policy = stage("PushRecovery/G1-v0")
-    limits, reach = env.limits, policy.config.standing_reach
     kicks, errors = (Kick((2.0, 0.0, 0.0), 0.5),), ModelErrors(collisions=True)
     scenario = Scenario("kick", (), command, duration=4.0, kicks=kicks, errors=errors)
     seen, _ = env.reset(options={"scenario": scenario})
@@ -73,26 +71,21 @@ def test_only_a_robot_told_to_stand_steps_beyond_the_box_of_all_others(stage, co
         if plan.duration - seen[0] > 0.1 and seen[0] > 0.0:
             assert held[:3] == pytest.approx(plan.gait[:3], abs=1e-6)
             longest = max(longest, plan.step[0])
-    stands = command == STAND
-    assert longest == pytest.approx(reach if stands else limits.length_max, abs=1e-6)
-    assert fell != stands
+    assert longest == pytest.approx(env.limits.length_max, abs=1e-6)
+    assert not fell
 
 
-def test_a_step_keeps_its_place_when_its_box_changes():
-    old, new, action = np.array([[-1.0] * 7, [1.0] * 7]), np.array([[-2.0] * 7, [6.0] * 7]), np.full(7, 0.5)
-    rescale_step(action, old, new)
-    assert action[:2] == pytest.approx([-0.375, -0.375])  # 0.5 of [-2, 6] is 2.5 of 8 from its lower end
-    assert (action[2:] == 0.5).all()
-
-
-def test_the_reach_is_within_that_of_both_legs(stage):
-    """Hips as low as the CoM may sink, each leg as far aside as it is long."""
-    env, policy = stage("PushRecovery/G1-v0")
+def test_the_box_of_steps_is_within_the_reach_of_both_legs(stage):
+    """Hips as low as the CoM may sink, each leg as far ahead, behind or aside as it is long."""
+    env, _ = stage("PushRecovery/G1-v0")
     env.reset(options={"scenario": Scenario("stand", (), STAND)})
-    s, state = env.core.settings, env.core.true_state(0)
+    s, state, limits = env.core.settings, env.core.true_state(0), env.limits
     above_com = state.xanchor[0, LEG_JOINT[0], 2] - state.com[0, 0, 2]
     hip = s.com_height - s.height_drop + above_com - state.ankle_height[0]
-    assert 0.9 < policy.config.standing_reach / (2.0 * math.sqrt(s.reach**2 - hip**2)) < 1.0
+    reach = 2.0 * math.sqrt(s.reach**2 - hip**2)
+    assert 0.8 * reach < limits.length_max < reach
+    assert -reach < limits.length_min < -0.7 * reach
+    assert 0.7 * reach < limits.width_max - env.episodes.robot.pelvis_width < reach
 
 
 @pytest.mark.parametrize("name", ROBOTS)

@@ -12,7 +12,6 @@ from push_recovery.controllers.model.nominal_gait import (
     gaits_of_actions,
     nearest_in_hull,
     nominal_gait,
-    step_boxes,
     step_start_dcm,
     transfer_mean,
     transfer_weight,
@@ -170,7 +169,7 @@ def actions_of(gaits, elapsed=0.3, double_support=0.0):
     observations = np.zeros((len(gaits), 36))
     observations[:, ELAPSED], observations[:, SWING_POSITION] = elapsed, (-0.3, 0.25, 0.0)
     actions = np.full((len(gaits), 7), np.nan, np.float32)
-    scale_actions(gaits, observations, step_boxes(LIMITS, 0.0), double_support, actions)
+    scale_actions(gaits, observations, LIMITS.low, LIMITS.high, double_support, actions)
     return actions, observations
 
 

@@ -59,11 +59,3 @@ def test_an_axis_that_the_waist_lacks_has_no_range():
 def test_an_axis_is_there_or_not(kind, name):
     with pytest.raises(InvalidValueError, match=rf"{kind.__name__}\.{name} must be a bool, got 1"):
         kind(**{name: 1})
-
-
-def test_a_robot_told_to_stand_steps_as_far_as_its_reach_and_all_else_stays():
-    low, high = LIMITS.reaching(0.7).box
-    np.testing.assert_array_equal(low[:2], [-0.7, 0.1])  # to its own side
-    np.testing.assert_array_equal(high[:2], [0.7, 0.7])
-    np.testing.assert_array_equal([low[2:], high[2:]], LIMITS.box[:, 2:])
-    assert LIMITS.reaching(0.0) is LIMITS

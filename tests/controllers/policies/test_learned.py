@@ -18,7 +18,7 @@ from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDesc
 from push_recovery.controllers.policies.mlp import Mlp, Normalisation
 from push_recovery.controllers.policies.residual import compose, default_residual_scale
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy
-from push_recovery.controllers.settings import PlannerConfig, preset_config
+from push_recovery.controllers.settings import PlannerConfig
 
 
 @dataclasses.dataclass
@@ -352,9 +352,14 @@ def test_a_failed_save_leaves_the_old_policy(tmp_path):
     assert {f.name: f.read_bytes() for f in tmp_path.iterdir()} == before
 
 
-def test_the_planner_below_steps_in_the_box_of_its_environment_with_the_weights_of_its_training():
-    old = preset_config("g1").replace(standing_reach=0.0, beta_dcm=1234.0)
-    base = ResidualBase("two-stage", "g1", (0.1,) * 7, old)
-    below = base.make(RobotModel(), GaitLimits())
-    assert below.config == old.replace(standing_reach=preset_config("g1").standing_reach)
-    assert below.config.standing_reach == 0.64  # docs/standing.md
+@pytest.mark.parametrize("reach", [0.0, 0.64])
+def test_a_setting_that_is_gone_may_be_off_in_a_file(tmp_path, reach):
+    config = dataclasses.asdict(PlannerConfig(beta_dcm=123.0)) | {"standing_reach": reach}
+    scale = SCALE.tolist()
+    residual = {"policy": "two-stage", "preset": "default", "scale": scale, "config": config, "gate": None}
+    path = edit(tmp_path, residual=residual)
+    if reach == 0.0:
+        assert NetworkPolicy.load(path).description.residual.config == PlannerConfig(beta_dcm=123.0)
+    else:
+        with pytest.raises(InvalidValueError, match="planner config must be an object with the keys"):
+            NetworkPolicy.load(path)

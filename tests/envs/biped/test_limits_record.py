@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.model.observation import STANCE_CONTACT, TOLD_TO_STAND
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.settings import preset_config
 from push_recovery.controllers.stage_1 import swing_time
@@ -54,22 +53,6 @@ def test_a_plan_meets_the_bound_that_it_lies_on_and_no_other(index, bound, sign,
     assert plan_bits() == 0
     assert plan_bits([(index, bound)]) == bit
     assert plan_bits([(index, bound - sign * 0.02)]) == 0
-
-
-def test_a_robot_told_to_stand_meets_the_bounds_of_its_own_steps():
-    reach = 0.8
-    config = preset_config("biped").replace(standing_reach=reach)
-    edges = record_of.plan_limits(BIPED, BIPED_LIMITS, config, FINAL)
-    told = OBSERVATION.copy()
-    told[STANCE_CONTACT] = 1.0 + TOLD_TO_STAND
-    length, width = bits.STEP_LENGTH, bits.STEP_WIDTH
-    for index, bound, bit in ((0, -reach, length), (0, reach, length), (1, reach, width)):
-        plan = MIDDLE.copy()
-        plan[index] = 0.95 * bound
-        assert record_of.plan_limits_met(told, plan, 0, edges) == 0
-        assert record_of.plan_limits_met(OBSERVATION, plan, 0, edges) == bit
-        plan[index] = bound
-        assert record_of.plan_limits_met(told, plan, 0, edges) & bit
 
 
 def test_without_a_waist_no_bound_of_a_trunk_is_met():
