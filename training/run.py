@@ -1,7 +1,8 @@
 """A training run in its folder: from the start or from a checkpoint to a policy file.
 
-Beside the policy (policy.safetensors, .json) lie settings.json, curve.csv, tensorboard/, the model in
-Stable-Baselines3's own form (sb3/) and checkpoints/. A checkpoint is whole or absent: safetensors and JSON in
+Beside the policy (policy.safetensors, .json) lie the best of the curve (best.safetensors, .json),
+settings.json, curve.csv, tensorboard/, the model in Stable-Baselines3's own form (sb3/) and checkpoints/. A
+checkpoint is whole or absent: safetensors and JSON in
 a folder that is renamed into place, with all that the algorithm needs to go on; reading one runs no code.
 """
 
@@ -36,7 +37,7 @@ from ..envs.scenario.scenario import SETTLE_TIME, Scenario, get_profiles
 from ..eval.output import progress, rows
 from ..eval.rollout import environments
 from ..eval.rollout.episodes import rollout_all
-from ..eval.rollout.load_policy import named_file
+from ..eval.rollout.load_policy import named_file, training_note
 from ..eval.rollout.workers import SLOTS
 from ..eval.score.kinds import SuiteDistribution
 from . import builders
@@ -116,7 +117,8 @@ def read_curve(path: Path) -> list[CurvePoint]:
         raise InvalidValueError(f"{path} is no learning curve: {error}") from error
 
 
-POLICY, TAUGHT = "policy", "taught"  # files of the result and of what a teacher showed, without suffixes
+# Files of the result, of the best of the curve and of what a teacher showed, without suffixes
+POLICY, BEST, TAUGHT = "policy", "best", "taught"
 CHECKPOINTS, KEPT_CHECKPOINTS, FORMAT_VERSION = "checkpoints", 2, 1
 PACKAGES = ("torch", "stable-baselines3", "mujoco", "gymnasium", "numpy", "numba")
 ROUND = 4.5  # seconds of one core that a round of imitation takes, about
@@ -305,17 +307,17 @@ class Run:
         if self.curve[-1].timesteps < self.timesteps:
             self.evaluate()
         self.checkpoint()
-        path = self.policy().save(self.out / POLICY, self.manifest())
+        path = self.policy().save(self.out / POLICY, self.manifest(POLICY))
         folder = self.out / "sb3"  # for the user's own `load` of both; this project never reads it
         folder.mkdir(exist_ok=True)
         self.algorithm.model.save(folder / "model.zip")
         self.venv.save(str(folder / "vecnormalize.pkl"))
         return TrainingResult(path, self.timesteps, self.seconds, tuple(self.curve))
 
-    def manifest(self) -> dict[str, Any]:
-        """All that is needed to train the policy again, and the results of its training, as JSON."""
+    def manifest(self, name: str) -> dict[str, Any]:
+        """All that is needed to train the policy of this name again, and how its training went, as JSON."""
         return {
-            "command": command_of(self.settings, f"{POLICY}.json"),
+            "command": command_of(self.settings, f"{name}.json"),
             "settings": self.settings.to_json(),
             "timesteps": self.timesteps,
             "seconds": round(self.seconds, 3),
@@ -326,9 +328,14 @@ class Run:
         }
 
     def evaluate(self) -> None:
-        """Add a point to the learning curve."""
-        point = score(self.env, self.policy(), self.scenarios, self.timesteps, self.seconds)
+        """Add a point to the learning curve, and keep its policy if none in this folder recovered more often."""
+        policy = self.policy()
+        point = score(self.env, policy, self.scenarios, self.timesteps, self.seconds)
+        kept = policy_paths(self.out / BEST)[1]
+        best = training_note(kept)["curve"][-1]["recovered"] if self.curve and kept.exists() else 0.0
         self.curve.append(point)
+        if point.recovered >= best:
+            policy.save(self.out / BEST, self.manifest(BEST))
         write_curve(self.out / "curve.csv", self.curve)
         if self.timesteps > 0 and hasattr(self.algorithm.model, "_logger"):
             for name in ("recovered", "survived", "mean_reward"):

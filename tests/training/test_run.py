@@ -122,6 +122,49 @@ def test_a_run_leaves_a_policy_a_curve_and_two_checkpoints(tmp_path, training_ru
     assert any((tmp_path / "run" / "tensorboard").rglob("events*"))
 
 
+@pytest.mark.parametrize(
+    ("shares", "best"), [((0.25, 0.75, 0.5), 512), ((0.5, 0.5, 0.5), 1024), ((0.75, 0.5, 0.25), 0)]
+)
+def test_the_best_of_the_curve_is_kept_the_later_one_of_equals(
+    tmp_path, training_run_settings, monkeypatch, shares, best
+):
+    from push_recovery.training import run as module
+
+    left, scored = list(shares), {}
+
+    def score(env, policy, scenarios, timesteps, seconds):
+        scored[timesteps] = policy
+        return module.CurvePoint(timesteps, seconds, len(scenarios), left.pop(0), 1.0, 0.0)
+
+    monkeypatch.setattr(module, "score", score)
+    out = tmp_path / "run"
+    train(dataclasses.replace(training_run_settings, timesteps=512), out)
+    resume(out, 1024)
+    note = json.loads((out / "best.json").read_text())["training"]
+    assert (note["timesteps"], note["curve"][-1]["timesteps"]) == (best, best)
+    assert note["command"] == "push-recovery train --recipe best.json"
+    kept = NetworkPolicy.load(out / "best")
+    for mine, theirs in zip(kept.network.weights, scored[best].network.weights, strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    last = (out / "policy.safetensors").read_bytes()
+    assert (last == (out / "best.safetensors").read_bytes()) == (best == 1024)
+
+
+def test_a_run_that_starts_over_forgets_what_was_best(tmp_path, training_run_settings, monkeypatch):
+    """One that was killed before its first checkpoint leaves no curve that a new run could compare with."""
+    from push_recovery.training import run as module
+
+    out, left = tmp_path / "run", [0.5, 0.25, 0.0]
+    point = lambda env, policy, scenarios, steps, seconds: module.CurvePoint(steps, 0, 4, left.pop(0), 1, 0)  # noqa: E731
+    monkeypatch.setattr(module, "score", point)
+    first = Run(training_run_settings, out)
+    first.evaluate()
+    first.close()
+    train(dataclasses.replace(training_run_settings, timesteps=512), out)
+    assert json.loads((out / "best.json").read_text())["training"]["timesteps"] == 0
+    assert json.loads((out / "best.json").read_text())["training"]["curve"][-1]["recovered"] == 0.25
+
+
 def test_the_policy_file_acts_as_sb3_does(tmp_path, training_run_settings):
     from stable_baselines3 import PPO
     from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
