@@ -328,7 +328,7 @@ class Run:
         }
 
     def evaluate(self) -> None:
-        """Add a point to the learning curve, and keep its policy if none in this folder recovered more often."""
+        """Add a point to the learning curve; keep its policy unless an earlier one recovered more often."""
         policy = self.policy()
         point = score(self.env, policy, self.scenarios, self.timesteps, self.seconds)
         kept = policy_paths(self.out / BEST)[1]
