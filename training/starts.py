@@ -206,9 +206,13 @@ class PushStarts(Starts):
             if self._takes(k, self._kind(drawn), relative_push(drawn.pushes[0], walk), total_impulse(drawn)):
                 break
             walk = self._walk()
-        start = walk.time + float(self.rng.random()) / self.episodes.control_hz
+        start = self._soon(walk)
         pushes = pushes_from(drawn, walk, start)
         return walk, replace(walk.scenario, pushes=pushes, duration=None, settle_time=drawn.settle_time)
+
+    def _soon(self, walk: RobotSnapshot) -> float:
+        """A moment within the period to come [s]."""
+        return walk.time + float(self.rng.random()) / self.episodes.control_hz
 
     def _walk(self) -> RobotSnapshot:
         return self.walks[self.rng.integers(len(self.walks))]
@@ -223,7 +227,7 @@ class PushStarts(Starts):
         self, walk: RobotSnapshot, pushes: PushDistribution, impulse: float, psi: float, body: str
     ) -> Start:
         """A walk that is pushed within the period to come."""
-        start = walk.time + float(self.rng.random()) / self.episodes.control_hz
+        start = self._soon(walk)
         duration, step = pushes.duration(self.rng), int(walk.rows[STEPS].item())
         first = polar_push(impulse / duration, psi, duration, start, body)
         drawn = pushes.with_later(first, walk.scenario, step, self.rng)
