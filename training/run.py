@@ -2,8 +2,8 @@
 
 Beside the policy (policy.safetensors, .json) lie the best of the curve (best.safetensors, .json),
 settings.json, curve.csv, tensorboard/, the model in Stable-Baselines3's own form (sb3/) and checkpoints/. A
-checkpoint is whole or absent: safetensors and JSON in
-a folder that is renamed into place, with all that the algorithm needs to go on; reading one runs no code.
+checkpoint is whole or absent: safetensors and JSON in a folder that is renamed into place, with all that the
+algorithm needs to go on; reading one runs no code.
 """
 
 import csv
