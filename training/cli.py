@@ -195,7 +195,7 @@ def is_complete(folder: Path, name: str) -> bool:
 
 
 def train_recipe(name: str, folder: Path, report: Report) -> None:
-    """Train by a recipe in FOLDER/NAME, or go on there; then put the policy beside it.
+    """Train by a recipe in FOLDER/NAME, or go on there; then put the best policy of its curve beside it.
 
     Raises:
         InvalidValueError: The run there has other settings.
@@ -211,5 +211,5 @@ def train_recipe(name: str, folder: Path, report: Report) -> None:
         run.resume(out, report=report)
     else:
         run.train(settings, out, report, folder)
-    for path, place in zip(policy_paths(out / run.POLICY), policy_paths(folder / name), strict=True):
+    for path, place in zip(policy_paths(out / run.BEST), policy_paths(folder / name), strict=True):
         write_atomically(place, read_file(path))  # the description last: it says that both are there

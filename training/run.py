@@ -307,7 +307,10 @@ class Run:
         if self.curve[-1].timesteps < self.timesteps:
             self.evaluate()
         self.checkpoint()
-        path = self.policy().save(self.out / POLICY, self.manifest(POLICY))
+        whole = self.manifest(POLICY)
+        path = self.policy().save(self.out / POLICY, whole)
+        best, note = NetworkPolicy.load(self.out / BEST), training_note(policy_paths(self.out / BEST)[1])
+        best.save(self.out / BEST, note | {name: whole[name] for name in ("seconds", "curve")})
         folder = self.out / "sb3"  # for the user's own `load` of both; this project never reads it
         folder.mkdir(exist_ok=True)
         self.algorithm.model.save(folder / "model.zip")
@@ -331,8 +334,8 @@ class Run:
         """Add a point to the learning curve; keep its policy unless an earlier one recovered more often."""
         policy = self.policy()
         point = score(self.env, policy, self.scenarios, self.timesteps, self.seconds)
-        kept = policy_paths(self.out / BEST)[1]
-        best = training_note(kept)["curve"][-1]["recovered"] if self.curve and kept.exists() else 0.0
+        kept = policy_paths(self.out / BEST)[1].exists()
+        best = max((earlier.recovered for earlier in self.curve if kept), default=0.0)
         self.curve.append(point)
         if point.recovered >= best:
             policy.save(self.out / BEST, self.manifest(BEST))

@@ -35,7 +35,8 @@ def test_a_policy_was_trained_by_its_recipe_from_a_commit(name):
     note = json.loads(path.read_text())["training"]
     assert difference(RECIPES[name], file_settings(path)) is None
     assert note["command"] == f"push-recovery train --recipe {name}"
-    assert note["timesteps"] >= RECIPES[name].timesteps
+    assert note["curve"][-1]["timesteps"] >= RECIPES[name].timesteps
+    assert note["timesteps"] in {point["timesteps"] for point in note["curve"]}
     assert re.fullmatch("[0-9a-f]{40}", note["commit"])  # of a clean tree
 
 
