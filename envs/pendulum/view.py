@@ -36,6 +36,26 @@ class PendulumView:
 
             self._figure = Figure(figsize=(6.4, 4.8), dpi=100)
             FigureCanvasAgg(self._figure)
+        self._add_artists()
+
+    def _add_artists(self) -> None:
+        """What `draw` moves: soles, trunk, CoM, DCM, CMP and the arrow of a push."""
+        axes = self._axes = self._figure.add_axes((0.09, 0.09, 0.90, 0.85))
+        self._soles = [Rectangle((0.0, 0.0), 1.0, 1.0, ec="0.3", alpha=0.6) for _ in range(3)]
+        for sole in self._soles:
+            axes.add_patch(sole)
+        (self._trunk,) = axes.plot([], [], color="0.25", lw=3, solid_capstyle="round")
+        self._marks = [
+            *axes.plot([], [], "o", color="0.25", ms=9, label="CoM and trunk"),
+            *axes.plot([], [], "o", color="#cc1a8c", ms=7, label="DCM"),
+            *axes.plot([], [], "P", color="#1a59e6", ms=9, mec="w", label="CMP"),
+        ]
+        shape = {"arrowstyle": "-|>,head_width=0.35,head_length=0.7", "color": "#e01f1a", "lw": 4}
+        self._arrow = axes.annotate("", (0.0, 0.0), (0.0, 0.0), arrowprops=shape)
+        axes.set(xlabel="x [m]", ylabel="y [m]")
+        axes.grid(color="0.9")
+        axes.set_axisbelow(True)
+        axes.legend(loc="upper center", ncols=3, fontsize=9, framealpha=1.0)
 
     def draw(
         self, state: Pendulums, robot: RobotModel, force: NDArray[np.float64], both_stand: bool = False
@@ -46,45 +66,40 @@ class PendulumView:
         """
         if not self._seen:
             return None
-        self._figure.clear()
-        axes = self._figure.add_axes((0.09, 0.09, 0.90, 0.85))
         com, stance = state.com[0], state.stance[0]
-        dcm = com + state.velocity[0] / robot.omega
-        self._draw_soles(axes, state, robot, both_stand)
-        lean = com + 0.5 * np.sin(state.angle[0])
-        axes.plot([com[0], lean[0]], [com[1], lean[1]], color="0.25", lw=3, solid_capstyle="round")
-        axes.plot(*com, "o", color="0.25", ms=9, label="CoM and trunk")
-        axes.plot(*dcm, "o", color="#cc1a8c", ms=7, label="DCM")
-        axes.plot(*state.cmp[0], "P", color="#1a59e6", ms=9, mec="w", label="CMP")
-        if np.any(force):
-            arrow = {"arrowstyle": "-|>,head_width=0.35,head_length=0.7", "color": "#e01f1a", "lw": 4}
-            axes.annotate("", com, com - ARROW * force, arrowprops=arrow)
+        dcm, lean = com + state.velocity[0] / robot.omega, com + 0.5 * np.sin(state.angle[0])
+        self._place_soles(state, robot, both_stand)
+        self._trunk.set_data([com[0], lean[0]], [com[1], lean[1]])
+        for mark, place in zip(self._marks, (com, dcm, state.cmp[0]), strict=True):
+            mark.set_data(place[:1], place[1:])
+        self._arrow.xy, self._arrow.xyann = com, com - ARROW * force
+        self._arrow.set_visible(bool(np.any(force)))
         middle = np.round((com + stance) / 2, 1)  # moves by leaps of 0.1 m: a still background
-        axes.set(
-            xlim=(middle[0] - SPAN, middle[0] + SPAN), ylim=(middle[1] - 0.71 * SPAN, middle[1] + 0.71 * SPAN)
+        self._axes.set(
+            xlim=(middle[0] - SPAN, middle[0] + SPAN),
+            ylim=(middle[1] - 0.71 * SPAN, middle[1] + 0.71 * SPAN),
+            title=f"t = {state.time[0]:.2f} s",
         )
-        axes.set(xlabel="x [m]", ylabel="y [m]", title=f"t = {state.time[0]:.2f} s")
-        axes.grid(color="0.9")
-        axes.set_axisbelow(True)
-        axes.legend(loc="upper center", ncols=3, fontsize=9, framealpha=1.0)
         self._figure.canvas.draw()
         if self._window:
             self._figure.canvas.flush_events()
             return None
         return np.asarray(self._figure.canvas.buffer_rgba())[..., :3].copy()
 
-    def _draw_soles(self, axes: Any, state: Pendulums, robot: RobotModel, both_stand: bool) -> None:
+    def _place_soles(self, state: Pendulums, robot: RobotModel, both_stand: bool) -> None:
         """Soles of pendulum 0 on the floor, and the one that is planned."""
         side, stance, plan = int(state.side[0]), state.stance[0], state.plan[0]
         target = stance + np.array([plan[STEP], side_sign(side) * plan[STEP + 1]])
-        soles = [(stance, FOOT_COLOURS[side], "-"), (target, FOOTHOLD_COLOUR, "--")]
-        if both_stand:
-            soles.append((state.lift[0], FOOT_COLOURS[1 - side], "-"))
-        for centre, fill, line in soles:
-            x, y = (centre - np.array([robot.foot_length, robot.foot_width]) / 2).tolist()
-            axes.add_patch(
-                Rectangle((x, y), robot.foot_length, robot.foot_width, ec="0.3", fc=fill, ls=line, alpha=0.6)
-            )
+        other = FOOT_COLOURS[1 - side]
+        drawn = [
+            (stance, FOOT_COLOURS[side], "-"),
+            (target, FOOTHOLD_COLOUR, "--"),
+            (state.lift[0], other, "-"),
+        ]
+        for sole, (centre, fill, line) in zip(self._soles, drawn, strict=True):
+            corner = centre - np.array([robot.foot_length, robot.foot_width]) / 2
+            sole.set(xy=corner.tolist(), width=robot.foot_length, height=robot.foot_width, fc=fill, ls=line)
+        self._soles[2].set_visible(both_stand)
 
     def close(self) -> None:
         """Close the window."""
