@@ -41,9 +41,7 @@ class PendulumView:
     def _add_artists(self) -> None:
         """What `draw` moves: soles, trunk, CoM, DCM, CMP and the arrow of a push."""
         axes = self._axes = self._figure.add_axes((0.09, 0.09, 0.90, 0.85))
-        self._soles = [Rectangle((0.0, 0.0), 1.0, 1.0, ec="0.3", alpha=0.6) for _ in range(3)]
-        for sole in self._soles:
-            axes.add_patch(sole)
+        self._soles = [axes.add_patch(Rectangle((0.0, 0.0), 1.0, 1.0, ec="0.3", alpha=0.6)) for _ in range(3)]
         (self._trunk,) = axes.plot([], [], color="0.25", lw=3, solid_capstyle="round")
         self._marks = [
             *axes.plot([], [], "o", color="0.25", ms=9, label="CoM and trunk"),
@@ -90,11 +88,10 @@ class PendulumView:
         """Soles of pendulum 0 on the floor, and the one that is planned."""
         side, stance, plan = int(state.side[0]), state.stance[0], state.plan[0]
         target = stance + np.array([plan[STEP], side_sign(side) * plan[STEP + 1]])
-        other = FOOT_COLOURS[1 - side]
         drawn = [
             (stance, FOOT_COLOURS[side], "-"),
             (target, FOOTHOLD_COLOUR, "--"),
-            (state.lift[0], other, "-"),
+            (state.lift[0], FOOT_COLOURS[1 - side], "-"),
         ]
         for sole, (centre, fill, line) in zip(self._soles, drawn, strict=True):
             corner = centre - np.array([robot.foot_length, robot.foot_width]) / 2

@@ -66,6 +66,24 @@ def stop_at():
 
 
 @pytest.fixture
+def curve_of(monkeypatch):
+    """Lets the points of a curve recover given shares, in turn; returns the scored policies by timesteps."""
+    from push_recovery.training import run
+
+    def made(*shares):
+        left, scored = list(shares), {}
+
+        def score(env, policy, scenarios, timesteps, seconds):
+            scored[timesteps] = policy
+            return run.CurvePoint(timesteps, seconds, len(scenarios), left.pop(0), 1.0, 0.0)
+
+        monkeypatch.setattr(run, "score", score)
+        return scored
+
+    return made
+
+
+@pytest.fixture
 def vec_env_of():
     """What a run of settings trains on, by its seed."""
     from push_recovery.training.builders import completed, make_env, make_vec_env

@@ -16,9 +16,8 @@ from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.score.kinds import SuiteDistribution
 from push_recovery.training import cli
-from push_recovery.training import run as training_run
 from push_recovery.training.cli import is_complete, train_recipe
-from push_recovery.training.run import SILENT, CurvePoint, load_checkpoint
+from push_recovery.training.run import SILENT, load_checkpoint
 from push_recovery.training.settings import RECIPES, TrainingSettings, difference
 
 
@@ -80,20 +79,13 @@ def test_a_policy_killed_before_it_was_put_there_is_put_there(recipes, tmp_path)
 
 
 @pytest.mark.parametrize(("shares", "best"), [((0.75, 0.25), 0), ((0.25, 0.75), 512)])
-def test_a_recipe_ships_the_best_policy_of_its_curve(recipes, tmp_path, monkeypatch, shares, best):
-    left = list(shares)
-    monkeypatch.setattr(
-        training_run,
-        "score",
-        lambda env, policy, scenarios, steps, seconds: CurvePoint(steps, 0.0, 2, left.pop(0), 1.0, 0.0),
-    )
+def test_a_recipe_ships_the_best_policy_of_its_curve(recipes, tmp_path, curve_of, shares, best):
+    curve_of(*shares)
     train_recipe("joint", tmp_path, SILENT)
     note = json.loads((tmp_path / "joint.json").read_text())["training"]
     assert (note["timesteps"], note["curve"][-1]["timesteps"]) == (best, 512)
-    shipped, last = (
-        path.read_bytes() for path in (tmp_path / "joint.safetensors", tmp_path / "joint/policy.safetensors")
-    )
-    assert (shipped == last) == (best == 512)
+    last = (tmp_path / "joint" / "policy.safetensors").read_bytes()
+    assert (last == (tmp_path / "joint.safetensors").read_bytes()) == (best == 512)
     assert is_complete(tmp_path, "joint")
 
 

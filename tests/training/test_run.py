@@ -126,18 +126,9 @@ def test_a_run_leaves_a_policy_a_curve_and_two_checkpoints(tmp_path, training_ru
     ("shares", "best"), [((0.25, 0.75, 0.5), 512), ((0.5, 0.5, 0.5), 1024), ((0.75, 0.5, 0.25), 0)]
 )
 def test_the_best_of_the_curve_is_kept_the_later_one_of_equals(
-    tmp_path, training_run_settings, monkeypatch, shares, best
+    tmp_path, training_run_settings, curve_of, shares, best
 ):
-    from push_recovery.training import run as module
-
-    left, scored = list(shares), {}
-
-    def score(env, policy, scenarios, timesteps, seconds):
-        scored[timesteps] = policy
-        return module.CurvePoint(timesteps, seconds, len(scenarios), left.pop(0), 1.0, 0.0)
-
-    monkeypatch.setattr(module, "score", score)
-    out = tmp_path / "run"
+    out, scored = tmp_path / "run", curve_of(*shares)
     train(dataclasses.replace(training_run_settings, timesteps=512), out)
     resume(out, 1024)
     note = json.loads((out / "best.json").read_text())["training"]
@@ -151,13 +142,10 @@ def test_the_best_of_the_curve_is_kept_the_later_one_of_equals(
     assert (last == (out / "best.safetensors").read_bytes()) == (best == 1024)
 
 
-def test_a_run_that_starts_over_forgets_what_was_best(tmp_path, training_run_settings, monkeypatch):
+def test_a_run_that_starts_over_forgets_what_was_best(tmp_path, training_run_settings, curve_of):
     """One that was killed before its first checkpoint leaves no curve that a new run could compare with."""
-    from push_recovery.training import run as module
-
-    out, left = tmp_path / "run", [0.5, 0.25, 0.0]
-    point = lambda env, policy, scenarios, steps, seconds: module.CurvePoint(steps, 0, 4, left.pop(0), 1, 0)  # noqa: E731
-    monkeypatch.setattr(module, "score", point)
+    out = tmp_path / "run"
+    curve_of(0.5, 0.25, 0.0)
     first = Run(training_run_settings, out)
     first.evaluate()
     first.close()

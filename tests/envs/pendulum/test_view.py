@@ -10,9 +10,8 @@ SOLES = {0: (242, 133, 31), 1: (41, 115, 204)}  # left, right
 FOOTHOLD, DCM, CMP, PUSH = (47, 174, 140), (204, 26, 140), (26, 89, 230), (224, 31, 26)
 FORCE = (300.0, 200.0, 0.0)
 LEGEND = 70  # rows of pixels at the top: title and legend
-SCALE = (
-    640 * 0.90 / 1.6
-)  # pixels of a metre: the axes take 0.90 of 640 for 1.6 m, and 0.85 of 480 for 1.136 m
+SCALE = np.array([640 * 0.90 / 1.6, -480 * 0.85 / 1.136])  # the axes are 1.6 by 1.136 m [pixels/m]
+CENTRE = np.array([640 * (0.09 + 0.45), 480 * (1 - 0.09 - 0.425)])  # of the axes [pixels]
 
 
 def env_at(
@@ -35,8 +34,8 @@ def drawn(env: PendulumEnv) -> np.ndarray:
 def pixel(env: PendulumEnv, place: np.ndarray) -> tuple[int, int]:
     """Column and row of a place on the floor; the view is centred between CoM and sole, by leaps of 0.1 m."""
     middle = np.round((env.core.state.com[0] + env.core.state.stance[0]) / 2, 1)
-    x, y = np.subtract(place, middle)
-    return round(640 * (0.09 + 0.45) + SCALE * x), round(480 * (1 - 0.09 - 0.425) - 480 * 0.85 / 1.136 * y)
+    column, row = np.rint(CENTRE + SCALE * (place - middle)).astype(int).tolist()
+    return column, row
 
 
 def shown(picture: np.ndarray, rgb: tuple[int, int, int]) -> np.ndarray:
@@ -94,14 +93,10 @@ def test_the_stance_sole_has_its_foots_colour_and_the_planned_one_its_own(time):
     side, stance, plan = int(state.side[0]), state.stance[0], state.plan[0]
     planned = stance + [plan[0], (-1.0 if side == 0 else 1.0) * plan[1]]
     for centre, rgb in ((stance, SOLES[side]), (planned, FOOTHOLD)):
-        inside = [pixel(env, centre + [part * length, 0.4 * width]) for part in np.linspace(-0.45, 0.45, 41)]
-        found = np.median(
-            [picture[row, column] for column, row in inside], axis=0
-        )  # beside lines of the grid
-        np.testing.assert_allclose(found, through(rgb), atol=2.0)
-        beyond = [pixel(env, centre + [part * length, 0.7 * width]) for part in np.linspace(-0.45, 0.45, 41)]
-        found = np.median([picture[row, column] for column, row in beyond], axis=0)
-        np.testing.assert_allclose(found, 255.0, atol=2.0)
+        for aside, expected in ((0.4, through(rgb)), (0.7, 255.0)):  # on the sole, and beside it
+            line = [pixel(env, centre + [x * length, aside * width]) for x in np.linspace(-0.45, 0.45, 41)]
+            found = np.median([picture[row, column] for column, row in line], axis=0)  # not of the grid
+            np.testing.assert_allclose(found, expected, atol=2.0)
     assert len(shown(picture, tuple(through(SOLES[1 - side]).astype(int)))) == 0
 
 
