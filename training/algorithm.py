@@ -44,7 +44,7 @@ class Algorithm(ABC):
             raise InvalidValueError(
                 f"training setting device is {settings.device!r}, and torch finds no GPU here; take cpu"
             )
-        torch.set_num_threads(1)  # a small network gains nothing from more, and its sums would depend on them
+        torch.set_num_threads(settings.threads)
         self.settings, self.venv = settings, venv
         self.model = self.make(seed, None if log is None else str(log))
 

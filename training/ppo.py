@@ -1,16 +1,21 @@
 """Proximal policy optimisation, whose value network may see more and may learn first."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common import policies, torch_layers
 from stable_baselines3.common.callbacks import BaseCallback
 
 from ..controllers.errors import InvalidValueError
 from .actor import critic_size
-from .algorithm import Algorithm
+from .algorithm import Algorithm, Tensors
+
+RATE = "rate.now"  # name in a checkpoint
 
 
 class PPOAlgorithm(Algorithm):
@@ -25,6 +30,7 @@ class PPOAlgorithm(Algorithm):
             InvalidValueError: there are neither one nor as many log_std as actions.
         """
         settings = self.settings
+        self._adapted = None if settings.wanted_kl is None else AdaptedRate(settings.learning_rate)
         policy, options = "MlpPolicy", {}
         if settings.critic:
             inputs: Any = self.venv.observation_space.shape
@@ -32,7 +38,7 @@ class PPOAlgorithm(Algorithm):
         model = PPO(
             policy,
             self.venv,
-            learning_rate=FallingRate(settings.learning_rate, settings.learning_rate_end),
+            learning_rate=self._adapted or FallingRate(settings.learning_rate, settings.learning_rate_end),
             n_steps=settings.n_steps,
             batch_size=settings.minibatch,
             n_epochs=settings.n_epochs,
@@ -61,9 +67,25 @@ class PPOAlgorithm(Algorithm):
         log_std.copy_(torch.tensor(initial))
         return model
 
+    def tensors(self) -> Tensors:
+        """Those of every algorithm, and the rate that it has adapted."""
+        return super().tensors() | ({} if self._adapted is None else {RATE: np.array(self._adapted.now)})
+
+    def restore(self, tensors: Mapping[str, NDArray[Any]], timesteps: int, updates: int) -> None:
+        """Go on with the rate of the checkpoint, too, where it has one."""
+        super().restore(tensors, timesteps, updates)
+        if self._adapted is not None and RATE in tensors:
+            self._adapted.now = float(tensors[RATE])
+
     def callbacks(self) -> list[BaseCallback]:
-        """The rest of the policy for the first `value_first` timesteps."""
-        return [ValueFirst(self.settings.value_first)]
+        """The rest of the policy for the first `value_first` timesteps, its noise and its rate."""
+        settings = self.settings
+        own: list[BaseCallback] = [ValueFirst(settings.value_first)]
+        if settings.log_std_end is not None:
+            own.append(FallingNoise(settings.initial_log_std, settings.log_std_end, settings.timesteps))
+        if self._adapted is not None and settings.wanted_kl is not None:
+            own.append(HoldDivergence(self._adapted, settings.wanted_kl))
+        return own
 
 
 @dataclass(frozen=True)
@@ -76,6 +98,65 @@ class FallingRate:
     def __call__(self, remaining: float) -> float:
         """Rate at a remaining share of the run in [0, 1]."""
         return self.end + (self.start - self.end) * remaining
+
+
+LEAST_RATE, LARGEST_RATE = 1e-6, 1e-2  # of Adam
+FACTOR = 1.5  # of a change of the rate
+
+
+@dataclass
+class AdaptedRate:
+    """Learning rate that is `now`, whatever remains of the run."""
+
+    now: float
+
+    def __call__(self, remaining: float) -> float:
+        """The rate."""
+        return self.now
+
+    def adapt(self, divergence: float, wanted: float) -> None:
+        """Lower it after a divergence of more than twice the wanted one, raise it after less than half.
+
+        This is the rule of Schulman et al. (2017), section 4, on the rate in place of the penalty.
+        """
+        if divergence > 2.0 * wanted:
+            self.now = max(self.now / FACTOR, LEAST_RATE)
+        elif divergence < 0.5 * wanted:
+            self.now = min(self.now * FACTOR, LARGEST_RATE)
+
+
+class HoldDivergence(BaseCallback):
+    """Adapts the rate after each update to the divergence that Stable-Baselines3 has logged of it."""
+
+    def __init__(self, rate: AdaptedRate, wanted: float):
+        super().__init__()
+        self.rate, self.wanted = rate, wanted
+
+    def _on_rollout_start(self) -> None:
+        divergence = self.model.logger.name_to_value.get("train/approx_kl")
+        if divergence is not None:  # there has been no update yet
+            self.rate.adapt(float(divergence), self.wanted)
+
+    def _on_step(self) -> bool:
+        return True
+
+
+class FallingNoise(BaseCallback):
+    """Bounds the log-std of every action: linearly in the timesteps, from the `initial` ones to `end`."""
+
+    def __init__(self, initial: tuple[float, ...], end: float, timesteps: int):
+        super().__init__()
+        self.initial, self.end, self.timesteps = torch.tensor(initial), end, timesteps
+
+    def _on_rollout_start(self) -> None:
+        done = min(1.0, self.num_timesteps / self.timesteps)
+        policy: Any = self.model.policy
+        log_std: torch.Tensor = policy.log_std.data
+        bound = self.initial + (self.end - self.initial) * done
+        log_std.copy_(torch.minimum(log_std, bound.to(log_std.device)))
+
+    def _on_step(self) -> bool:
+        return True
 
 
 class ValueFirst(BaseCallback):

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..envs.episode.episodes import GaitEpisodes, Period
+from ..envs.episode.recovery import OFFSET_TOLERANCE, SPEED_TOLERANCE
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -19,6 +20,7 @@ Mask = NDArray[np.bool_]
 FALL, RECOVERED, STANDING = -1.0, 1.0, 0.3  # worth of an end
 MARGINS = (-0.3, 0.05)  # capture margins beyond which less or more is worth the same [m]
 PER_METRE = 2.0  # of capture margin
+STEP = 20.0  # worth of a step as it should be, about a fifth of what its periods are worth
 
 
 class Reward(Protocol):
@@ -77,6 +79,30 @@ class EnvironmentReward:
         return total
 
 
+class StepReward(EnvironmentReward):
+    """The environment's own reward, and each touchdown by the two errors that recovery is judged by.
+
+    A touchdown earns  20 exp(-(e / 0.05 m)^2 - (w / 0.15 m/s)^2)  besides, where e is the error of the DCM at
+    the start of the step, w that of the mean velocity over two steps, and the lengths are the tolerances of
+    `envs/episode/recovery.py`.
+    """
+
+    def __init__(self, episodes: GaitEpisodes, gamma: float):
+        super().__init__(episodes, gamma)
+        self._touchdowns = np.zeros(episodes.n, np.int64)
+
+    def begin(self, rows: Ints) -> None:
+        """Touchdowns of before count no more."""
+        self._touchdowns[rows] = self.episodes.monitor.state.touchdowns[rows]
+
+    def worth(self, period: Period) -> Array:
+        """Worth of a period (n,)."""
+        state = self.episodes.monitor.state
+        landed, self._touchdowns = state.touchdowns > self._touchdowns, state.touchdowns.copy()
+        errors = state.error[:, 0] / OFFSET_TOLERANCE, state.speed_error / SPEED_TOLERANCE
+        return period.reward.total + np.where(landed, STEP * np.exp(-np.square(errors).sum(axis=0)), 0.0)
+
+
 class RecoveryReward:
     """-1 for a fall, 1 for a recovery, 0.3 for standing at the end, and the capture margin as a potential.
 
@@ -120,4 +146,5 @@ class RecoveryReward:
 REWARDS: dict[str, Callable[[GaitEpisodes, float], Reward]] = {
     "recovery": RecoveryReward,
     "environment": EnvironmentReward,
+    "steps": StepReward,
 }

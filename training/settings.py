@@ -45,8 +45,11 @@ LATER: dict[str, Any] = {
     "critic": [],
     "algorithm": "ppo",
     "device": "cpu",
+    "threads": 1,
     "like": [],
     "target_kl": None,
+    "wanted_kl": None,
+    "log_std_end": None,
     "retries": 0,
 }
 # of runs before these settings
@@ -104,7 +107,8 @@ class TrainingSettings:
     `pushes` to come; None: push where robots can be put back"""
     reward: Annotated[str | None, arg(metavar="{None,recovery,environment}")] = None
     """what is rewarded. recovery: 1 for it, -1 for a fall, the capture margin as a potential; environment:
-    the environment's own reward; None: recovery where robots share one core, but environment for joint"""
+    the environment's own reward; steps: that, and each touchdown by what recovery is judged by; None:
+    recovery where robots share one core, but environment for joint"""
     profile: Annotated[tuple[str, ...], arg(metavar="NAME [NAME ...]")] = ("exact",)
     """profiles of the robots, exact, hardware or weighed; of several each robot draws one"""
     errors: Annotated[tuple[tuple[str, float, float], ...], arg(metavar="[NAME LOW HIGH ...]")] = ()
@@ -127,6 +131,9 @@ class TrainingSettings:
     algorithm: Annotated[str, arg(metavar="{ppo}")] = "ppo"  # learning algorithm
     device: str = "cpu"
     """where torch learns, cpu or cuda; the robots are simulated on the processor's cores either way"""
+    threads: int = 1
+    """threads of an update on a processor, which pay for layers of 256 and more; others give other weights,
+    by rounding"""
     n_steps: int = 64  # number of learned actions per environment and update
     batch_size: int = 1024  # largest batch; the largest divisor of n_envs x n_steps up to it is taken
     n_epochs: int = 5  # number of passes over the actions of an update
@@ -135,12 +142,18 @@ class TrainingSettings:
     clip_range: float = 0.2  # range to which the ratio of probabilities is clipped
     target_kl: Annotated[float | None, arg(metavar="{None|X}")] = None
     """divergence from the policy of the rollout at which an update ends before its last pass"""
+    wanted_kl: Annotated[float | None, arg(metavar="{None|X}")] = None
+    """divergence of an update from the policy of the rollout that the rate is held near: 1.5 times less after
+    an update of more than twice as much, 1.5 times more after one of less than half; None: see the rates"""
     learning_rate: float = 3e-4  # rate of Adam at the start; it falls linearly to that at the end
     learning_rate_end: float = 1e-5  # rate of Adam at the end
     policy_layers: Widths = (128, 128)  # widths of the hidden layers of the policy
     value_layers: Widths = (256, 256)  # widths of the hidden layers of the value network
     log_std: Annotated[float | tuple[float, ...] | None, arg(metavar="{None|X [X ...]}")] = None
     """initial logarithm of the standard deviation, one or one per action; None: that of the kind"""
+    log_std_end: Annotated[float | None, arg(metavar="{None|X}")] = None
+    """largest logarithm of the standard deviation at the end; the bound falls linearly from the initial one;
+    None: no bound"""
     normalise_reward: bool | None = None
     """divide the reward by the running deviation of the return; None: yes for the environment's own reward,
     no for that of recovery"""
@@ -155,7 +168,7 @@ class TrainingSettings:
         for name in ("timesteps", "value_first", "retries"):
             require_integer(f"training setting {name}", getattr(self, name))
         counts = ("n_envs", "n_steps", "batch_size", "n_epochs", "checkpoint_every", "evaluate_every",
-                  "evaluation_scenarios", "walks")  # fmt: skip
+                  "evaluation_scenarios", "walks", "threads")  # fmt: skip
         for name in counts if self.hold is None else (*counts, "hold"):
             require_integer(f"training setting {name}", getattr(self, name), 1)
         require_integer("training setting seed", self.seed, 0, 2**31 - 1)
@@ -174,7 +187,9 @@ class TrainingSettings:
         self._check(
             "device", re.fullmatch(r"cpu|cuda(:\d+)?", self.device) is not None, "cpu, cuda or cuda:N"
         )
-        self._check("target_kl", self.target_kl is None or 0 < self.target_kl < math.inf, "None or positive")
+        for name in ("target_kl", "wanted_kl"):
+            value = getattr(self, name)
+            self._check(name, value is None or 0 < value < math.inf, "None or positive")
         for kind in self.like:
             require_choice("kind of suite", kind, tuple(DRAWS))
             middle = DRAWS[kind].scenario(kind, np.full(DRAWS[kind].coordinates, 0.5), 0)
@@ -197,6 +212,8 @@ class TrainingSettings:
             self._set("inputs", check_inputs(self.inputs, self.residual))
         self._set("critic", check_critic(self.critic))
         self._check("log_std", all(map(math.isfinite, self.initial_log_std)), "finite numbers")
+        end = self.log_std_end
+        self._check("log_std_end", end is None or math.isfinite(end), "None or a finite number")
         for name in ("policy_layers", "value_layers"):
             self._set(name, tuple(getattr(self, name)))
             self._check(name, all(isinstance(n, int) and n >= 1 for n in getattr(self, name)), "widths >= 1")

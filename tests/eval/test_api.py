@@ -72,8 +72,7 @@ def test_a_model_of_stable_baselines3_in_memory(tmp_path, monkeypatch):
     assert evaluation.directory.parts[0] == "runs"
 
 
-@pytest.mark.parametrize("attribute", ["policy", "Pull", "make", "Nest.Pull"])
-def test_module_and_attribute_on_the_command_line(attribute, file_rows, tmp_path):
+def test_module_and_attribute_on_the_command_line(file_rows, tmp_path):
     """From the working directory, as the installed script has it: with the path of the script first."""
     code = """
         import numpy as np
@@ -91,24 +90,26 @@ def test_module_and_attribute_on_the_command_line(attribute, file_rows, tmp_path
         """
     (tmp_path / "my_policies.py").write_text(textwrap.dedent(code))
     SUITE.save(tmp_path / "head.json")
-    name = f"my_policies:{attribute}"
+    names = [f"my_policies:{attribute}" for attribute in ("policy", "Pull", "make", "Nest.Pull")]
     program = (
         f"import sys; sys.path[0] = {str(tmp_path / 'bin')!r}\n"
         f"sys.path.append({str(Path(toy.__file__).parent)!r})\n"
         "from push_recovery.eval.cli.main import main; raise SystemExit(main(sys.argv[1:]))"
     )
-    argv = f"evaluate --env {toy.ENV_ID} --policies {name} --suite head.json --out out --json".split()
+    argv = ["evaluate", "--env", toy.ENV_ID, "--policies", *names, "--suite", "head.json", "--out", "out"]
     for workers in "1", "2":
         done = subprocess.run(
-            [sys.executable, "-c", program, *argv, "--workers", workers, "--overwrite"],
+            [sys.executable, "-c", program, *argv, "--json", "--workers", workers, "--overwrite"],
             cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
-        assert list(json.loads(done.stdout)["policies"]) == [name]
+        assert list(json.loads(done.stdout)["policies"]) == names
         rows = [json.loads(line) for line in (tmp_path / "out" / "outcomes.jsonl").read_text().splitlines()]
         rows.sort(key=lambda row: [s.id for s in SUITE.scenarios].index(row["scenario_id"]))
-        assert without_name(rows) == file_rows[1]
-        assert len({row["policy_sha256"] for row in rows}) == 1
+        for name in names:
+            own = [row for row in rows if row["policy"] == name]
+            assert without_name(own) == file_rows[1]
+            assert len({row["policy_sha256"] for row in own}) == 1
 
 
 def test_rows_of_an_object_that_has_learned_since_are_refused(tmp_path):

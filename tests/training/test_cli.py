@@ -240,7 +240,7 @@ def test_pushes_like_those_of_suites_are_on_the_robots_of_the_run_for_its_time()
     assert settings.drawn_like == SuiteDistribution(("quick", "hard"), 1.5, ErrorRanges(friction=(0.4, 0.9)))
     assert TrainingSettings().drawn_like is None
     assert TrainingSettings.from_json(json.loads(json.dumps(settings.to_json()))) == settings
-    new = {"like", "retries", "target_kl"}
+    new = {"like", "retries", "target_kl", "wanted_kl", "log_std_end", "threads"}
     older = {name: value for name, value in TrainingSettings().to_json().items() if name not in new}
     assert TrainingSettings.from_json(older) == TrainingSettings()
 
@@ -267,6 +267,9 @@ def test_settings_say_what_is_wrong():
         {"walks": 0},
         {"retries": -1},
         {"target_kl": 0.0},
+        {"wanted_kl": float("inf")},
+        {"threads": 0},
+        {"log_std_end": float("nan")},
         {"device": "gpu"},
         {"profile": []},
         {"gate": [0.1, 0.0]},

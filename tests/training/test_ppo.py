@@ -1,6 +1,7 @@
 """PPO: settings that reach it, what its two networks see, the start from a policy, and the rest at first."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
@@ -11,7 +12,14 @@ from push_recovery.controllers.policies.learned import NetworkPolicy
 from push_recovery.training.builders import completed, make_env, make_vec_env, segment_seed
 from push_recovery.training.from_sb3 import acting_network, export_policy
 from push_recovery.training.imitation import ImitationSettings, imitate
-from push_recovery.training.ppo import AsymmetricPolicy, PPOAlgorithm, ValueFirst
+from push_recovery.training.ppo import (
+    AdaptedRate,
+    AsymmetricPolicy,
+    FallingNoise,
+    HoldDivergence,
+    PPOAlgorithm,
+    ValueFirst,
+)
 from push_recovery.training.settings import TrainingSettings
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
@@ -192,6 +200,10 @@ def test_every_setting_is_handed_over(settings, vec_env_of):
     assert (model.n_steps, model.batch_size, model.n_epochs) == (24, 16, 3)
     assert (model.gamma, model.gae_lambda, model.seed) == (0.87, 0.77, 3)
     assert model.target_kl == 0.07
+    assert torch.get_num_threads() == 1
+    PPOAlgorithm(replace(settings, threads=2), venv, 3)
+    assert torch.get_num_threads() == 2
+    torch.set_num_threads(1)
     assert model.clip_range(1.0) == model.clip_range(0.0) == 0.13
     assert (model.lr_schedule(1.0), model.lr_schedule(0.0)) == pytest.approx((3e-3, 1e-3))
     parts = model.policy.mlp_extractor
@@ -207,3 +219,66 @@ def test_a_resumed_run_meets_new_pushes_and_each_part_its_own():
     assert len(seeds) == 4
     assert all(0 <= seed < 2**31 for seed in seeds)  # what numpy and torch take
     assert segment_seed(5, 256) == segment_seed(5, 256)
+
+
+@pytest.mark.parametrize(
+    ("divergence", "rate"),
+    [(0.021, 2e-4), (0.019, 3e-4), (0.006, 3e-4), (0.0049, 4.5e-4), (None, 3e-4)],
+)
+def test_the_rate_follows_the_divergence_of_an_update(divergence, rate):
+    """Wanted 0.01: two thirds of the rate from twice that on, one and a half below half of it."""
+    adapted = AdaptedRate(3e-4)
+    callback = HoldDivergence(adapted, 0.01)
+    logged = {} if divergence is None else {"train/approx_kl": divergence}
+    callback.model = SimpleNamespace(logger=SimpleNamespace(name_to_value=logged))
+    callback._on_rollout_start()
+    assert adapted(1.0) == adapted(0.0) == pytest.approx(rate, rel=1e-12)
+
+
+def test_the_rate_has_bounds():
+    low, high = AdaptedRate(1.2e-6), AdaptedRate(9e-3)
+    low.adapt(1.0, 0.01)
+    high.adapt(0.0, 0.01)
+    assert (low.now, high.now) == (1e-6, 1e-2)
+
+
+def adapting(wanted: float, **options) -> PPOAlgorithm:
+    venv = VecNormalize(DummyVecEnv([Joints]), norm_reward=False)
+    settings = TrainingSettings(
+        "joint", n_envs=1, n_steps=32, batch_size=16, policy_layers=(8,), value_layers=(8,),
+        wanted_kl=wanted, learning_rate=1e-3, **options,
+    )  # fmt: skip
+    return PPOAlgorithm(settings, venv, 0)
+
+
+def test_an_update_that_moves_the_policy_little_is_followed_by_a_faster_one_and_a_resumed_run_goes_on_so():
+    slow, fast = adapting(1e9), adapting(1e-12)
+    for algorithm, rate in ((slow, 1.5**2 * 1e-3), (fast, 1e-3 / 1.5**2)):
+        algorithm.learn(96, [])  # three updates; the last one's divergence is not acted on yet
+        assert algorithm.model.policy.optimizer.param_groups[0]["lr"] == pytest.approx(rate, rel=1e-12)
+    again = adapting(1e9)
+    again.restore(slow.tensors(), 96, 15)
+    again.learn(32, [])
+    assert again.model.policy.optimizer.param_groups[0]["lr"] == pytest.approx(1.5**2 * 1e-3, rel=1e-12)
+    older = {name: value for name, value in slow.tensors().items() if name != "rate.now"}
+    again = adapting(1e9)
+    again.restore(older, 96, 15)
+    again.learn(32, [])
+    assert again.model.policy.optimizer.param_groups[0]["lr"] == pytest.approx(1e-3, rel=1e-12)
+
+
+def test_noise_is_bounded_linearly_and_may_be_less():
+    """From -1 and -2 to -4 over 100 timesteps; at 50 the bounds are -2.5 and -3."""
+    callback = FallingNoise((-1.0, -2.0), -4.0, 100)
+    log_std = torch.nn.Parameter(torch.tensor([-1.0, -3.2]))
+    callback.model = SimpleNamespace(policy=SimpleNamespace(log_std=log_std))
+    for done, wanted in ((0, [-1.0, -3.2]), (50, [-2.5, -3.2]), (100, [-4.0, -4.0]), (150, [-4.0, -4.0])):
+        callback.num_timesteps = done
+        callback._on_rollout_start()
+        assert log_std.tolist() == pytest.approx(wanted)
+
+
+def test_a_run_begins_with_its_noise_and_ends_below_the_bound():
+    algorithm = adapting(0.01, log_std=-1.0, log_std_end=-2.0, timesteps=64)
+    algorithm.learn(64, [])
+    assert (algorithm.model.policy.log_std < -1.4).all()  # bounded by -1.5 before the second of two rollouts

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import UnknownNameError
 from push_recovery.training.builders import completed, make_env, make_robots
-from push_recovery.training.reward import REWARDS, EnvironmentReward, RecoveryReward
+from push_recovery.training.reward import REWARDS, EnvironmentReward, RecoveryReward, StepReward
 from push_recovery.training.settings import TrainingSettings
 
 GAMMA = 0.9
@@ -107,6 +107,29 @@ def test_the_environments_own_reward_is_summed_while_its_episode_lasts():
     assert reward.collect(ended).tolist() == [11.0, 2.0, 33.0]
     assert reward.collect(ended).tolist() == [0.0, 0.0, 0.0]
     assert (EnvironmentReward.bootstraps, RecoveryReward.bootstraps) == (True, False)
+
+
+def test_a_touchdown_earns_what_recovery_is_judged_by_and_once():
+    """Errors of one tolerance each: 20 / e^2; of none: 20; a robot that does not land earns nothing more."""
+    episodes = robots([0.0] * 3)
+    state = episodes.monitor.state
+    state.touchdowns = np.array([4, 0, 7])
+    state.error, state.speed_error = np.array([[0.05, 9.0, 9.0], [0.0] * 3, [0.0] * 3]), np.zeros(3)
+    state.speed_error[0] = 0.15
+    reward = StepReward(episodes, GAMMA)
+    reward.begin(np.arange(3))
+    reward.period(period(total=(1.0, 2.0, 3.0)), ALL, SHUT)
+    assert reward.collect(OPEN).tolist() == [1.0, 2.0, 3.0]
+    state.touchdowns += [1, 1, 0]
+    reward.period(period(), ALL, SHUT)
+    reward.period(period(), ALL, SHUT)
+    np.testing.assert_allclose(reward.collect(OPEN), [20.0 / np.e**2, 20.0, 0.0], rtol=1e-14)
+    state.touchdowns[:] = 0, 1, 9  # the first is reset, and lands; the last landed before its begin
+    reward.begin(np.array([0, 2]))
+    state.touchdowns[0] = 1
+    reward.period(period(), ALL, SHUT)
+    np.testing.assert_allclose(reward.collect(OPEN), [20.0 / np.e**2, 0.0, 0.0], rtol=1e-14)
+    assert StepReward.bootstraps
 
 
 class Effortless(EnvironmentReward):

@@ -1,6 +1,7 @@
 """Films say what happened: the right push, the right outcome, at the right time, in files of a known size."""
 
 import io
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -146,7 +147,7 @@ def test_of_many_policies_the_first_of_each_kind_is_shown_in_their_order(evaluat
 def test_compare_films_what_its_rows_say(tmp_path, capsys):
     pytest.importorskip("imageio_ffmpeg", reason="needs the extra view")
     suite = tmp_path / "suite.json"
-    (first, *_) = get_suite("standard").scenarios
+    first = replace(get_suite("standard").scenarios[0], settle_time=2.0)
     Suite("few", "1", (first,)).save(suite)
     argv = ["compare", "two-stage", "passive", "--env", PENDULUM, "--suite", str(suite), "--workers", "1"]
     out = tmp_path / "out"
