@@ -4,6 +4,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -34,16 +35,24 @@ def interrupted(monkeypatch) -> Callable[..., None]:
 
 
 @pytest.fixture
-def evaluation(tmp_path) -> Callable[..., Evaluation]:
+def evaluation(tmp_path, evaluation_in) -> Callable[..., Evaluation]:
     """Of policies given as words of r (recovers), s (survives), f (falls), one letter a push of `quick`."""
+    return partial(evaluation_in, tmp_path)
 
-    def make(policies: dict[str, str], env_id: str = "PushRecovery/Pendulum-v0") -> Evaluation:
+
+@pytest.fixture(scope="session")
+def evaluation_in() -> Callable[..., Evaluation]:
+    """The same, whose rows lie in a directory that is given."""
+
+    def make(
+        directory: Path, policies: dict[str, str], env_id: str = "PushRecovery/Pendulum-v0"
+    ) -> Evaluation:
         scenarios = get_suite("quick").scenarios[: len(next(iter(policies.values())))]
         suite = Suite("head", "1", scenarios)
         rows = {name: [row(name, *pair) for pair in zip(scenarios, word, strict=True)]
                 for name, word in policies.items()}  # fmt: skip
-        write(tmp_path, rows.values())
-        return Evaluation(suite, env_id, rows, tmp_path, 0.0)
+        write(directory, rows.values())
+        return Evaluation(suite, env_id, rows, directory, 0.0)
 
     return make
 

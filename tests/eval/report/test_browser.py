@@ -26,13 +26,19 @@ def browser():
         found.close()
 
 
-@pytest.fixture(params=[PHONE, DESK])
-def opened(request, browser, evaluation, tmp_path):
-    """A page with all its parts, what it asked for and what went wrong in it."""
-    letters = "rsfrrfrfsr" * 6
-    first = evaluation({"two-stage": letters, LONG: letters[1:] + "f", "module:An_attribute": letters[::-1]})
+@pytest.fixture(scope="module")
+def path(evaluation_in, tmp_path_factory):
+    """A page with all its parts."""
+    letters, folder = "rsfrrfrfsr" * 6, tmp_path_factory.mktemp("page")
+    words = {"two-stage": letters, LONG: letters[1:] + "f", "module:An_attribute": letters[::-1]}
+    first = evaluation_in(folder, words)
     command = Command(("evaluate",), (("--policies", (LONG, "two-stage")),))
-    path = write_evaluation_page({"exact": first, "hardware": first}, command, tmp_path)
+    return write_evaluation_page({"exact": first, "hardware": first}, command, folder)
+
+
+@pytest.fixture(params=[PHONE, DESK])
+def opened(request, browser, path):
+    """The page in a new window, what it asked for and what went wrong in it."""
     page = browser.new_context(viewport={"width": request.param, "height": 800}).new_page()
     page.set_default_timeout(PATIENCE)
     asked, wrong = [], []
