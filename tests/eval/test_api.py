@@ -147,6 +147,12 @@ def test_compare_tells_objects_of_one_class_apart_by_label(tmp_path):
         compare(Pull(), Pull(0.0), SUITE, toy.ENV_ID, out=tmp_path)
 
 
+def test_a_comparison_is_of_two(tmp_path):
+    with pytest.raises(InvalidValueError, match="two policies are compared, got 3: a, b, c"):
+        compare({"a": Pull(), "b": Pull()}, {"c": Pull()}, SUITE, toy.ENV_ID, out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_frontier_and_a_rollout_take_an_object(tmp_path, file_rows):
     found = frontier({"mine": Pull()}, 2, toy.ENV_ID, replicas=2, out=tmp_path / "frontier")
     assert [row["psi_deg"] for row in found.rows["mine"]] == [0.0, 180.0]

@@ -4,22 +4,26 @@ import dataclasses
 import errno
 import json
 import os
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
 import pytest
 import torch
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.controllers.model.robot import Similarity
 from push_recovery.controllers.policies.learned import NetworkPolicy
 from push_recovery.eval.output.rows import Writer
 from push_recovery.eval.rollout import load_policy as names
 from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.score.kinds import SuiteDistribution
 from push_recovery.training.run import (
+    CurvePoint,
     Progress,
     Run,
     curve_scenarios,
     find_checkpoints,
+    initial_policy,
     load_checkpoint,
     read_curve,
     resume,
@@ -27,6 +31,7 @@ from push_recovery.training.run import (
     write_curve,
 )
 from push_recovery.training.settings import TrainingSettings, difference
+from safetensors.numpy import save
 
 
 @pytest.fixture
@@ -429,3 +434,44 @@ def test_only_episodes_that_end_count(monkeypatch):
     progress.locals = {"dones": np.array([False, True, False]), "infos": [RECOVERED, FELL, RECOVERED]}
     progress.on_step()
     assert list(progress.recovered) == [False]
+
+
+def test_scenarios_of_the_curve_are_of_the_robots_size_and_profile():
+    """Half the mass, 0.64 of the height: forces times 0.5, times times 0.8."""
+    (plain,), (small,) = curve_scenarios(1), curve_scenarios(1, size=Similarity(0.5, 0.64))
+    assert small.pushes[0].force == pytest.approx(tuple(0.5 * part for part in plain.pushes[0].force))
+    assert small.pushes[0].duration == pytest.approx(0.8 * plain.pushes[0].duration)
+    assert {scenario.sensing for scenario in curve_scenarios(4, "hardware")} == {"onboard"}
+
+
+def test_the_share_is_that_of_the_last_hundred_episodes():
+    progress = Progress(lambda timesteps, words: None, str)
+    progress.model = type("Model", (), {"num_timesteps": 0})()  # type: ignore[assignment]
+    ended(progress, *[RECOVERED] * 30, *[FELL] * 75, *[RECOVERED] * 25)
+    assert (len(progress.recovered), sum(progress.recovered)) == (100, 25)
+
+
+def test_progress_names_the_first_and_the_newest_point_of_the_curve():
+    shares = (0, 0.25), (1, 0.5), (2, 0.75)
+    run = SimpleNamespace(curve=[CurvePoint(t, 0.0, 4, share, 1.0, 0.0) for t, share in shares])
+    assert Run.judged(run) == "curve 25% -> 75%"  # type: ignore[arg-type]
+
+
+def test_a_checkpoint_of_a_later_format_is_refused(tmp_path):
+    state = {"format_version": 2, "settings": TrainingSettings().to_json(), "timesteps": 0, "updates": 0}
+    (tmp_path / "state.json").write_text(json.dumps(state | {"seconds": 0.0}))
+    (tmp_path / "tensors.safetensors").write_bytes(save({}))
+    with pytest.raises(InvalidValueError, match="format 2, this version reads 1"):
+        load_checkpoint(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"inputs": ("observation", "margin")}, "whose inputs"),
+        ({"inputs": ("observation",), "env_id": "PushRecovery/Pendulum-v0"}, "whose environment"),
+    ],
+)
+def test_a_run_begins_as_no_policy_of_other_inputs_or_another_environment(settings, first, change, words):
+    with pytest.raises(InvalidValueError, match=words):
+        initial_policy(dataclasses.replace(settings, initial=str(first), **change), None)

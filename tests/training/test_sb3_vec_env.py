@@ -141,3 +141,12 @@ def test_wrappers_below_are_known():
     assert SB3VecEnv(Own(robots)).env_is_wrapped(Own, indices=[0, 2]) == [True] * 2
     each = gym.vector.SyncVectorEnv([lambda: gym.make(PENDULUM), lambda: Monitor(gym.make(PENDULUM))])
     assert SB3VecEnv(each).env_is_wrapped(Monitor) == [False, True]
+
+
+def test_a_method_is_called_once_for_all_and_not_for_some():
+    venv, words = SB3VecEnv(Ending()), []
+    venv.env.told = lambda word: words.append(word) or word  # type: ignore[attr-defined]
+    assert venv.env_method("told", "a") == ["a"] * 4
+    with pytest.raises(InvalidValueError, match="share one environment"):
+        venv.env_method("told", "b", indices=1)
+    assert words == ["a"]

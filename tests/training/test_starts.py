@@ -11,7 +11,7 @@ from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.joint.env import JointResidualEpisodes
 from push_recovery.envs.scenario.distribution import PushDistribution
-from push_recovery.envs.scenario.push import polar_push
+from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.score.kinds import SuiteDistribution
 from push_recovery.training.starts import (
@@ -21,7 +21,9 @@ from push_recovery.training.starts import (
     PushStarts,
     ResetStarts,
     SuccessTable,
+    pushes_from,
     relative,
+    relative_push,
     take_walks,
 )
 
@@ -356,3 +358,43 @@ def test_no_more_walks_are_taken_than_asked_for():
     """Both robots arrive in the same period."""
     taken = take_walks(Clockwork(), "planner", HARD, 1, Moments(0.2, 0.2, 9.0, 9.0))
     assert [walk[:2] for walk in taken] == [(0, 0.25)]
+
+
+@pytest.mark.parametrize(("frame", "direction"), [("heading", 0.5), ("world", 0.7)])
+@pytest.mark.parametrize(("stance", "expected"), [(1, 0.5), (0, -0.5)])
+def test_a_push_in_either_frame_is_seen_in_that_of_the_walk(frame, direction, stance, expected):
+    """Half a radian to the left of a heading of 0.2 rad; mirrored on the left foot."""
+    walk = SimpleNamespace(rows={"gait.stance": np.array(stance), "gait.heading": np.array(0.2)})
+    push = polar_push(100.0, direction, 0.1, 0.3, frame=frame)
+    assert relative_push(push, walk) == pytest.approx(expected)
+
+
+def test_starts_at_a_reset_may_be_like_those_of_a_suite(episodes):
+    beginning = ResetStarts(episodes, HARD, EASY, 0.0, 1.0, np.random.default_rng(5), like=LIKE)
+    rng = np.random.default_rng(5)
+    rng.random()  # whether it is an easy one
+    drawn = LIKE.sample(rng)
+    beginning.begin(1)
+    assert scenario_of(episodes, 1) == drawn
+    assert beginning._bins[1][0] == "pelvis single"
+
+
+def test_a_push_that_is_refused_takes_its_walk_along(episodes, walks, monkeypatch):
+    beginning = starts(episodes, walks, 0.0, like=LIKE)
+    left, answers = list(walks[:3]), [False, False, True]
+    monkeypatch.setattr(beginning, "_walk", lambda: left.pop(0))
+    monkeypatch.setattr(beginning, "_takes", lambda *_: answers.pop(0))
+    walk, _ = beginning._new(0)
+    assert walk is walks[2]
+    assert not left
+
+
+def test_a_direction_a_hair_right_of_forward_is_in_the_last_eighth():
+    """-1e-20 of a turn is 1.0 turns, rounded."""
+    assert SuccessTable(40.0, 0.1).bin_of(-1e-20, 0.0) == (7, 0)
+
+
+def test_a_later_push_at_a_time_does_not_get_lost():
+    pushes = polar_push(1.0, 0.0, 0.1, GaitEvent(2, "left", 0.5)), polar_push(1.0, 0.0, 0.1, 3.0)
+    with pytest.raises(ValueError, match="zip"):
+        pushes_from(Scenario("x", pushes), SimpleNamespace(rows={"gait.steps": np.array(7)}), 2.0)

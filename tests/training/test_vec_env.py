@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.training.builders import completed, make_env, make_robots
+from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.training.builders import completed, make_env, make_robots, make_starts
 from push_recovery.training.settings import TrainingSettings
 from push_recovery.training.vec_env import TrainingRobots
 
@@ -208,3 +209,16 @@ def test_robots_are_led_through_a_held_action_and_each_end_is_told_where_it_come
         limit = reason is None
         expected = {"failure_reason": reason, "recovered_at": recovered_at, "TimeLimit.truncated": limit}
         assert infos[k] == expected
+
+
+def test_starts_are_those_of_the_settings_for_a_robot_of_half_the_mass():
+    settings = TrainingSettings(
+        starts="reset", easy_share=0.25, least_acceptance=0.2, easy=(5.0, 80.0), like=("quick",), retries=3
+    )
+    episodes = SimpleNamespace(n=1, robot=RobotModel(mass=30.0))
+    begin = make_starts(settings, episodes, 0)  # type: ignore[arg-type]
+    assert (begin.easy_share, begin.floor, begin.retries) == (0.25, 0.2, 3)
+    assert begin.pushes.impulse_max == pytest.approx(0.5 * settings.pushes.impulse_max)
+    assert (begin.easy.impulse_min, begin.easy.impulse_max) == pytest.approx((2.5, 40.0))
+    assert (begin.like.kinds, begin.like.size.mass) == (("quick",), 0.5)
+    assert begin.tables["pelvis single"].width == pytest.approx(10.0)

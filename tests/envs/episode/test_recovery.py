@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.envs.episode.recovery import GaitMonitor, record_touchdown
+from push_recovery.envs.episode.recovery import GaitMonitor, record_standing, record_touchdown
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario
 
@@ -112,3 +112,21 @@ def test_an_episode_lasts_four_seconds_after_the_last_push(pushes, end):
     scenario = Scenario("a", pushes)
     last = max((push.start + push.duration for push in pushes), default=0.0)
     assert scenario.end_time(last) == pytest.approx(end)
+
+
+@pytest.mark.parametrize(
+    ("error", "speed", "time", "expected"),
+    [(0.049, 0.149, 1.0, 1.0), (0.051, 0.0, 1.0, NEVER), (0.0, 0.151, 1.0, NEVER), (0.0, 0.0, 0.99, NEVER)],
+)
+def test_a_robot_that_stands_has_recovered_near_rest_after_the_last_event(error, speed, time, expected):
+    monitor = GaitMonitor(2)
+    record_standing(monitor.state, 1, error, speed, time, 1.0)
+    assert (monitor.recovered_at(0), monitor.recovered_at(1)) == (NEVER, expected)
+
+
+def test_a_stander_has_recovered_since_the_first_good_moment_and_loses_it_to_a_bad_one():
+    monitor, known = GaitMonitor(1), []
+    for time, speed in ((1.0, 0.1), (1.01, 0.1), (1.02, 0.2), (1.03, 0.1)):
+        record_standing(monitor.state, 0, 0.0, speed, time, 1.0)
+        known.append(monitor.recovered_at(0))
+    assert known == [1.0, 1.0, NEVER, 1.03]

@@ -126,6 +126,8 @@ def test_impulses_by_which_they_are_reported():
 
 
 BAD = [
+    (lambda: Payload(0.5, 0.5, 1.0, stiffness=4e4),
+     r"Payload.stiffness \[N/m\] must be at most 31250 with 0.5 kg"),
     (lambda: Impactor(0.0, 3.0, 1.0), r"Impactor.mass \[kg\] must be in \[0.1, 1000\], got 0"),
     (lambda: Impactor(math.nan, 3.0, 1.0), r"Impactor.mass \[kg\] must be finite, got nan"),
     (lambda: Impactor("heavy", 3.0, 1.0), r"Impactor.mass \[kg\] must be a number, got 'heavy'"),
@@ -197,3 +199,8 @@ def test_what_is_impossible_is_refused_in_one_line(make, words):
     with pytest.raises(PushRecoveryError, match=words) as caught:
         make()
     assert "\n" not in str(caught.value)
+
+
+def test_a_force_without_a_plateau_is_a_triangle():
+    """60 N after 0.2 s, none after 0.4 s."""
+    assert SteadyForce(60.0, 0.0, 0.4, rise=0.2).impulse == pytest.approx((12.0, 0.0, 0.0))

@@ -418,3 +418,31 @@ def test_no_difference_is_found_at_the_nominal_rate_at_most(different, expected)
     assert rate == pytest.approx(expected, abs=5e-4)
     assert LEVEL - 0.015 < rate <= LEVEL
     assert share_found(different / 2.0, different / 2.0, seed=3) == pytest.approx(rate, abs=farthest(rate))
+
+
+@pytest.mark.parametrize("yes", [[0, 0, 1, 1], [1, 1, 0, 0]])
+def test_outcomes_that_only_touch_do_not_overlap(yes):
+    """Yes and no at 2, else apart: the likelihood rises for ever (Albert and Anderson 1984)."""
+    assert fit_logistic([1.0, 2.0, 2.0, 3.0], yes) is None
+
+
+def test_each_policy_draws_its_own_seeds_and_as_many_as_it_has():
+    """Of 40 and of 10 seeds: the variances of both means add."""
+    rates = np.random.default_rng(5).normal(size=40)
+    many = np.repeat(rates[:, None], 4, axis=1)
+    low, high = bootstrap_interval(
+        lambda a, b: float(np.mean(a) - np.mean(b)), [many, many[:10]], np.random.default_rng(6), draws=2000
+    )
+    deviation = math.sqrt(rates.var() / 40 + rates[:10].var() / 10)
+    assert high - low == pytest.approx(2 * 1.96 * deviation, rel=0.1)
+
+
+def test_an_event_at_time_zero_counts_and_one_that_never_comes_is_refused():
+    assert kaplan_meier([0.0, 1.0, 2.0], [True, True, False]).survival == pytest.approx([2 / 3, 1 / 3, 1 / 3])
+    with pytest.raises(InvalidValueError):
+        kaplan_meier([math.inf], [True])
+
+
+def test_fewer_successes_than_none_are_refused():
+    with pytest.raises(InvalidValueError):
+        wilson_interval(-1, 0)

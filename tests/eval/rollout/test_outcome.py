@@ -277,3 +277,18 @@ def test_a_measure_from_outside_stands_in_every_row_after_those_of_the_package(b
     assert list(row["measures"])[-2:] == ["energy", "from_outside"]
     assert row["measures"]["from_outside"] == round(1.0 - biped.unwrapped.core.margin.item(0), 6)
     assert alone.to_dict() == row
+
+
+@pytest.mark.parametrize(
+    ("force", "psi"),
+    [
+        ((50.0, 0.0, 0.0), 0.0),
+        ((-50.0, 0.0, 0.0), 180.0),
+        ((0.0, 50.0, 0.0), 90.0),
+        ((0.0, -50.0, 20.0), -90.0),
+    ],
+)
+def test_a_push_along_an_axis_has_a_direction(force, psi):
+    scenario = Scenario("a", (Push(force, 0.1, 1.0),))
+    found = Outcome.of(scenario, "p", Ending(False, 4.0, None, None, 0.0), 400)
+    assert found.psi_deg == pytest.approx(psi)

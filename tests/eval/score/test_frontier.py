@@ -326,3 +326,41 @@ def test_json_table_page_and_picture_of_replicas(tmp_path, capsys):
     )
     assert "--replicas 4" in replay
     assert "--replica " in replay
+
+
+class Unsettled(ByPhase):
+    """Stays up at any force, and settles where the other recovers."""
+
+    def run(self, policy, scenario):
+        return replace(super().run(policy, scenario), survived=True, failure_reason=None)
+
+
+def test_a_replica_counts_where_it_recovers_and_is_a_fall_where_it_fell():
+    row = scans.scan(Unsettled(), scans.ScanJob(REPLICATED, "p", 30.0))  # type: ignore[arg-type]
+    assert REPLICATED.search.entry(row, None)["threshold_N"] == pytest.approx(280.0, abs=20.0)
+    assert row["falls"] == []
+
+
+def test_standing_replicas_have_a_threshold_without_a_step_of_its_own():
+    """All alike: they settle at 80 N and not at 100, and take no step at 120 N and one at 140."""
+    settings = replace(REPLICATED, command=AT_REST, replicas=4)
+    row = scans.scan(Holes(lambda force: force < 210.0), scans.ScanJob(settings, "p", 0.0))  # type: ignore[arg-type]
+    entry = settings.search.entry(row, None)
+    assert row["forces_N"] == [80.0, 100.0, 120.0, 140.0, 160.0, 320.0]
+    assert entry["threshold_N"] == pytest.approx(80.0 + 20.0 * 0.2)
+    assert entry["stand_N"] == pytest.approx(120.0 + 20.0 * 0.2)
+
+
+def test_what_replicas_survive_is_given_of_all_and_of_any_of_them():
+    row = {"forces_N": [100.0, 200.0, 300.0, 400.0], "recovered": ["11", "10", "01", "00"]}
+    control = {"forces_N": [0.0], "recovered": ["11"]}
+    entry = replace(REPLICATED, replicas=2).search.entry(row, control)
+    names = "survived_N", "first_failure_N", "largest_survived_N"
+    assert [entry[name] for name in names] == [100.0, 200.0, 300.0]
+    assert entry["islands"] == [{"force_N": 300.0, "replicas": 1}]
+
+
+def test_a_grid_is_no_larger_than_the_largest_force():
+    assert FrontierSettings("env", 4000.0).grid == 4000.0
+    with pytest.raises(InvalidValueError, match="grid"):
+        FrontierSettings("env", 4000.5)

@@ -200,3 +200,11 @@ def test_intervals_hold_the_truth_as_often_as_they_say(name):
         off += [one.force - value for one, value in zip(estimates, truth, strict=True)]
     assert (held / runs >= 0.88).all(), held / runs
     assert abs(off[1]) / runs < 10.0  # the threshold itself is off by less than half a cell in the mean
+
+
+def test_forces_count_by_how_near_their_share_up_to_there_is():
+    """At 20 N 16 of 20 recover of which 10 do at 10 N: p is 0.5 at both, 1 and 8 changes, 2 x 19 = 38."""
+    hole = tried("1" * 20, "1" * 10 + "0" * 10, "1110" * 4 + "1111", "0" * 20)
+    assert hole.effective_replicas(0.5) == pytest.approx(20 / ((2 + 9) / 38 / (0.25 + 0.16)))
+    falling, w = tried("1" * 20, "1" * 16 + "0" * 4, "10" * 10, "0" * 20), math.exp(-3.0)
+    assert falling.effective_replicas(0.8) == pytest.approx(20 / ((2 + 20 * w) / 38 / (0.16 + 0.25 * w)))
