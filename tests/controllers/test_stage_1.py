@@ -355,3 +355,33 @@ def test_without_adaptation_every_state_gets_the_nominal_gait():
     np.testing.assert_array_equal(row[STEP : STEP + 3], [nominal.length, nominal.width, nominal.duration])
     np.testing.assert_array_equal(row[OFFSET : OFFSET + 2], nominal.offset)
     assert row[REMAINING] == nominal.duration - 0.2
+
+
+@pytest.mark.parametrize(
+    ("elapsed", "duration"), [(0.1, 0.65), (0.6, 0.65), (0.64, 0.66), (0.9, 0.92), (1.2, 1.22)]
+)
+def test_a_fixed_time_that_is_past_ends_a_margin_from_now(elapsed, duration):
+    observation = np.zeros(36)
+    observation[ELAPSED], observation[DCM] = elapsed, (0.02, 0.1)
+    row = row_of(observation, PlannerConfig(adapt_duration=False, duration_margin=0.02))
+    assert row[DURATION] == pytest.approx(duration, abs=1e-9)
+
+
+def test_with_a_fixed_place_only_the_time_answers():
+    """alpha_2 (tau - tau_nom) + alpha_3 a . (a tau - u_nom - b_nom) = 0 at the best tau."""
+    config = PlannerConfig(adapt_step=False, alpha_duration=2.0, alpha_offset=300.0)
+    observation = np.zeros(36)
+    observation[ELAPSED], observation[DCM], observation[COMMAND] = 0.1, (0.05, 0.08), (0.2, 0.0)
+    row, gait = row_of(observation, config), nominal_gait(ROBOT, LIMITS, (0.2, 0.0))
+    a = observation[DCM] * math.exp(-0.1 * ROBOT.omega)
+    end = np.array([gait.length, gait.width]) + gait.offset
+    tau = (2.0 * math.exp(ROBOT.omega * gait.duration) + 300.0 * a @ end) / (2.0 + 300.0 * a @ a)
+    np.testing.assert_allclose(row[STEP : STEP + 2], [gait.length, gait.width], atol=1e-12)
+    assert row[DURATION] == pytest.approx(math.log(tau) / ROBOT.omega, abs=1e-9)  # 0.5653 s
+
+
+def test_an_offset_that_costs_nothing_leaves_place_and_time_nominal():
+    problem = random_problem(np.random.default_rng(8), alpha_offset=0.0)
+    found = solve_step(problem)
+    assert found.step == pytest.approx(problem.step_nominal)
+    assert found.tau == pytest.approx(problem.tau_nominal)

@@ -8,10 +8,13 @@ from push_recovery.controllers.model.capturability import (
     capture_constants,
     capture_margin,
     max_recoverable_force,
+    max_recoverable_impulse,
+    n_step_offset,
     recoverable_offset,
     transfer_margin_kernel,
 )
 from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.model.robot import RobotModel
 
 ROBOT = RobotModel()
@@ -126,3 +129,28 @@ def test_the_trunk_gives_nothing_about_an_axis_that_the_waist_lacks(axis, missin
     for end in ("low", "high"):
         assert getattr(found, end)[axis] == getattr(rigid, end)[axis]
         assert getattr(found, end)[1 - axis] == getattr(whole, end)[1 - axis]
+
+
+def test_bounds_of_few_steps_by_hand():
+    point, decay = {"foot": False, "flywheel": False}, math.exp(-0.3 * ROBOT.omega)
+    back = n_step_offset(ROBOT, replace(LIMITS, length_min=-0.3), 2, **point)
+    reach = decay * (1.0 + decay)
+    assert (back.low[0], back.high[0]) == pytest.approx((-0.3 * reach, 0.5 * reach))
+    late = n_step_offset(ROBOT, LIMITS, 1, 0.5, **point)  # later than T_min nothing grows any more
+    assert [*late.low, *late.high] == pytest.approx([-0.5, 0.0, 0.5, 0.4])
+    stiff = n_step_offset(ROBOT, GaitLimits.of(RobotModel(trunk_roll=False)), 0)
+    assert stiff.high[1] == 0.05 < 0.1 < stiff.high[0]
+
+
+def test_a_gait_beyond_the_bounds_bears_no_push():
+    gait = replace(nominal_gait(ROBOT, LIMITS), offset_x=2.0)
+    assert max_recoverable_force(ROBOT, 0.0, gait=gait) == 0.0
+    assert max_recoverable_impulse(ROBOT, 0.0, gait=gait) == 0.0
+
+
+@pytest.mark.parametrize(("most", "used"), [(10.0, 10.0), (30.0, 18.75)])  # tau / j = 18.75
+def test_the_trunk_gives_what_box_and_torque_both_allow(most, used):
+    limits, omega = replace(LIMITS, trunk_acceleration_max=most), ROBOT.omega
+    swing = math.exp(-omega * math.sqrt(ROBOT.trunk_angle_max / used))
+    gives = recoverable_offset(ROBOT, limits).high - recoverable_offset(ROBOT, limits, flywheel=False).high
+    assert gives == pytest.approx(ROBOT.cmp_per_trunk_acceleration * used * (1.0 - swing) ** 2)

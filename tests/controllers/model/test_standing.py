@@ -1,5 +1,6 @@
 """Limits of standing: figures of the paper's robot, a linear program as oracle, and invariances."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -229,3 +230,26 @@ def test_an_impulse_is_the_limit_of_short_pushes():
 def test_impossible_inputs_are_named(call, words):
     with pytest.raises(InvalidValueError, match=words):
         call()
+
+
+@pytest.mark.parametrize("feet", [ASTRIDE, Feet((-0.1, -0.3), -0.7)])
+@pytest.mark.parametrize("degrees", [15, 30, 60, 195, 210, 270])
+def test_the_margin_is_zero_at_the_limit_of_turned_feet(feet, degrees):
+    psi = math.radians(degrees)
+    shift = max_standing_impulse(ROBOT, psi, feet=feet) / (ROBOT.mass * ROBOT.omega)
+    edge = np.array(feet.middle) + shift * np.array([math.cos(psi), math.sin(psi)])
+    assert standing_margin(ROBOT, LIMITS, feet, edge) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_force_and_impulse_know_the_reaction_and_the_sole_of_the_limits():
+    late = max_standing_force(ROBOT, 1.0, reaction=0.1) / max_standing_force(ROBOT, 1.0)
+    assert late == pytest.approx(math.exp(-0.1 * ROBOT.omega))
+    small = dataclasses.replace(LIMITS, cop_x_max=0.06)
+    shift = max_standing_impulse(ROBOT, 0.0, flywheel=False, limits=small) / (ROBOT.mass * ROBOT.omega)
+    assert shift == pytest.approx(0.06)
+
+
+def test_the_fastest_swing_of_a_waist_without_roll_catches_aside_what_soles_do():
+    robot = RobotModel(trunk_roll=False)
+    found = standing_trajectory(robot, 0.5 * math.pi, horizon=1.0, interval=0.02).impulse / 0.1
+    assert found == pytest.approx(max_standing_force(robot, 0.5 * math.pi), abs=0.05)

@@ -183,3 +183,19 @@ def test_a_policy_with_a_memory_is_refused():
     rule = residual.ResidualRule(Fixed(state=(np.zeros(1),)), ROBOT, LIMITS, SCALE, None)
     with pytest.raises(InvalidValueError, match="policy without memory"):
         rule.act(np.zeros((1, 36)), LEARNED)
+
+
+def test_a_gate_knows_no_double_support_and_no_pelvis_beyond_the_box():
+    with pytest.raises(InvalidValueError, match=r"knows no double support, got 0\.1 s"):
+        residual.make_gate(make_policy("two-stage", preset="double-support"), ROBOT, LIMITS, (0.02, 0.06))
+    with pytest.raises(InvalidValueError, match="pelvis_width must lie within"):
+        residual.ResidualGate(RobotModel(pelvis_width=0.5), LIMITS, 0.0, (0.02, 0.06))
+
+
+def test_a_base_beyond_the_box_is_clipped_where_it_acts(monkeypatch):
+    beyond = np.full((1, 7), 1.5, np.float32)
+    rule = residual.ResidualRule(Fixed(), ROBOT, LIMITS, SCALE, None)
+    monkeypatch.setattr(rule.policy, "predict", lambda observations: (beyond, None))
+    found = rule.act(np.zeros((1, 36)), np.zeros_like(BASE))
+    np.testing.assert_array_equal(found.total, np.ones((1, 7)))
+    np.testing.assert_array_equal(found.base, beyond)

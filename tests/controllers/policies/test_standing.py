@@ -1,13 +1,26 @@
 """When a standing robot may stay, against the closed form of the margin in place."""
 
+import math
+
 import numpy as np
 import pytest
 from push_recovery.controllers.model.gait_box import GaitLimits
-from push_recovery.controllers.model.observation import DCM, SWING_POSITION, TRUNK_ANGLE, TRUNK_RATE
+from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
+from push_recovery.controllers.model.observation import (
+    COM,
+    COMMAND,
+    DCM,
+    PUSH_ESTIMATE,
+    SWING_CONTACT,
+    SWING_POSITION,
+    TRUNK_ANGLE,
+    TRUNK_RATE,
+)
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.model.standing import HULL_COLUMNS, HULL_ROWS, Feet, standing_margin
 from push_recovery.controllers.policies.standing import margin_in_place
 from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.stage_1 import OFFSET
 
 
 @pytest.mark.parametrize(
@@ -32,3 +45,80 @@ def test_the_margin_is_that_of_what_the_variant_may_use(arm, soles, flywheel):
         )  # fmt: skip
         found = margin_in_place(seen, stander._constants, stander._in_place.capture, hull)
         assert found == pytest.approx(expected, abs=1e-12)
+
+
+def standing(dcm, other=(0.0, 0.2)):
+    """Observation (36,) of a robot on both feet, at rest but for its DCM."""
+    seen = np.zeros(36)
+    seen[0], seen[DCM], seen[SWING_POSITION], seen[SWING_CONTACT] = -1.0, dcm, (*other, 0.0), 1.0
+    return seen
+
+
+def test_a_plan_is_the_same_whichever_foot_the_robot_is_seen_from():
+    """From the other foot the origin is there, left and right exchange; place and time belong to the step."""
+    policy, rng, steps = make_policy("two-stage", preset="biped"), np.random.default_rng(4), 0
+    for _ in range(30):
+        x = rng.uniform(-0.1, 0.1)
+        seen = standing(rng.uniform((-0.3, -0.2), (0.3, 0.4)), (x, 0.2))
+        seen[COM] = rng.uniform(-0.1, 0.1, 2)
+        seen[TRUNK_ANGLE], seen[TRUNK_RATE] = rng.uniform(-0.2, 0.2, 2), rng.uniform(-1.0, 1.0, 2)
+        seen[COMMAND] = rng.uniform(-0.2, 0.2, 2) * (rng.uniform() < 0.5)
+        seen[PUSH_ESTIMATE] = rng.uniform(-0.4, 0.4, 2)
+        other = seen.copy()
+        other[DCM], other[COM] = (seen[1] - x, 0.2 - seen[2]), (seen[3] - x, 0.2 - seen[4])
+        other[SWING_POSITION.start] = -x
+        other[[6, 13, 16, 18, 26, 35]] *= -1.0  # speeds of CoM and foot, lean, its rate, command, push: aside
+        gait, found = policy.plan(seen).gait.copy(), policy.plan(other).gait
+        assert found[:3] == pytest.approx(gait[:3], abs=1e-9)
+        assert found[3:] == pytest.approx([gait[3] - x, 0.2 - gait[4], gait[5], -gait[6]], abs=1e-8)
+        steps += gait[2] < policy.limits.duration_max
+    assert 5 < steps < 28
+
+
+@pytest.mark.parametrize("dcm", [(0.0, 0.1), (0.05, 0.12), (-0.2, 0.1), (0.02, 0.25)])
+def test_a_variant_without_a_cop_steps_at_once_about_the_middle_of_a_sole(dcm):
+    plan = make_policy("stage-1").plan(standing(dcm))
+    assert plan.duration < 1.0  # T_max asks for no step
+    assert plan.cop.tolist() in ([0.0, 0.0], [0.0, 0.2])
+
+
+def test_a_variant_without_momentum_keeps_its_trunk_upright_while_it_stands():
+    seen = standing((0.0, 0.1))
+    seen[TRUNK_ANGLE], seen[TRUNK_RATE] = (0.1, -0.05), (0.3, 0.2)
+    plan = make_policy("stage-1+cop").plan(seen)
+    assert plan.duration == 1.0
+    assert plan.trunk_acceleration == pytest.approx([-4.7, -0.8])  # -20 lean - 9 rate
+
+
+def test_whoever_steps_asks_for_less_than_the_longest_time():
+    """A DCM beside the stance foot's centre wants the longest step; the other foot is off the floor."""
+    seen = standing((0.0, 0.002))
+    seen[SWING_CONTACT], seen[SWING_POSITION.start + 2] = 0.0, 0.05
+    policy = make_policy("two-stage")
+    assert policy.plan(seen).duration == pytest.approx(0.999)
+    assert policy.predict(seen)[0][2] < 1.0
+
+
+@pytest.mark.parametrize("command", [(0.0, 0.0), (0.2, -0.1)])
+def test_a_shift_ends_where_a_nominal_step_begins_and_costs_what_stage_1_says(command):
+    policy = make_policy("two-stage", preset="biped")
+    c, omega, seen = policy.config, policy.robot.omega, standing((0.01, 0.1))
+    seen[COMMAND], seen[PUSH_ESTIMATE] = command, (0.3, -0.2)
+    policy.predict(seen)
+    seen[0] = 0.0
+    cops, costs, rows = policy._standers[0]._candidates(seen)
+    gait = nominal_gait(policy.robot, policy.limits, command, c.touchdown_delay)
+    start = step_start_dcm(gait, policy.robot.pelvis_width, omega, c.touchdown_delay)
+    growth = np.exp(0.01 * omega * np.arange(len(cops)))[:, None]
+    dcm = seen[DCM] + (1.0 - math.exp(-omega * c.push_carry)) * seen[PUSH_ESTIMATE]
+    half = policy._standers[0]._half_sole
+    free = (np.abs(cops[:, 0]) < 0.999 * half[0]) & (np.abs(cops[:, 1] - 0.1) < 0.1 + 0.999 * half[1])
+    assert free.sum() > 20
+    reached = growth * dcm - (growth - 1.0) * cops
+    np.testing.assert_allclose(reached[free], np.tile(start, (free.sum(), 1)), atol=1e-9)
+    step, offset = rows[:, :2] - [gait.length, gait.width], rows[:, OFFSET : OFFSET + 2] - gait.offset
+    tau = np.exp(omega * rows[:, 2]) - math.exp(omega * gait.duration)
+    squares = (step**2).sum(1), (offset**2).sum(1), tau**2
+    expected = np.dot([c.alpha_step, c.alpha_offset, c.alpha_duration], squares)
+    np.testing.assert_allclose(costs, expected, atol=1e-9)
+    assert costs[0] > 1.0

@@ -140,3 +140,42 @@ def test_impossible_rows_are_named():
         planner.plan_batch(np.full((1, 9), math.nan))
     with pytest.raises(InvalidValueError, match="the CoP margins leave no sole"):
         StandingPlanner(ROBOT, LIMITS, CONFIG.replace(cop_margin_x=0.2))
+
+
+@pytest.mark.parametrize("offset", [(0.03, -0.02), (0.2, 0.1)])
+def test_the_dcm_of_one_interval_is_that_of_a_pendulum_on_the_planned_cop(offset):
+    config = CONFIG.replace(use_trunk=False, standing_horizon=0.05)
+    dcm, growth = np.array(ASTRIDE.middle) + offset, math.exp(0.05 * ROBOT.omega)
+    found = StandingPlanner(ROBOT, LIMITS, config).plan_batch(row_of(ASTRIDE, dcm)[None])[0]
+    assert found[4:6] == pytest.approx(growth * dcm - (growth - 1.0) * found[:2], abs=1e-9)
+
+
+def test_a_waist_without_roll_is_caught_aside_as_one_without_a_trunk():
+    limits = GaitLimits.of(RobotModel(trunk_roll=False))
+    lacking = StandingPlanner(ROBOT, limits, CONFIG)
+    rigid = StandingPlanner(ROBOT, LIMITS, CONFIG.replace(use_trunk=False))
+    for aside in (0.03, 0.14, 0.17, -0.16):  # the soles end at 0.15 m
+        row = row_of(SIDE_BY_SIDE, (0.0, 0.1 + aside))[None]
+        assert lacking.plan_batch(row)[0] == pytest.approx(rigid.plan_batch(row)[0], abs=1e-7)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_gravity_of_a_leaning_trunk_is_taken_from_the_torque_of_the_whole_plan(side, axis):
+    """j |a| <= 150 N m less 100 sin(0.5) N m on the side to which the trunk leans away from it."""
+    planner = StandingPlanner(ROBOT, LIMITS, CONFIG.replace(trunk_gravity=100.0))
+    dcm, lean = np.array(SIDE_BY_SIDE.middle), np.zeros(2)
+    dcm[axis], lean[axis] = dcm[axis] - 0.25 * side, 0.5 * side
+    planner.plan_batch(row_of(SIDE_BY_SIDE, dcm, lean)[None])
+    least = (side * planner._program.plan[axis, planner._cops :]).min()
+    assert least == pytest.approx((100.0 * math.sin(0.5) - 150.0) / 8.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("feet", [SIDE_BY_SIDE, ASTRIDE])
+def test_without_a_debt_of_the_trunk_the_plan_is_the_optimum_too(feet):
+    config, dcm = CONFIG.replace(trunk_debt=False), np.array(feet.middle) + [0.08, -0.03]
+    row = row_of(feet, dcm, (0.1, -0.2), (0.5, 0.0))
+    planned = StandingPlanner(ROBOT, LIMITS, config).plan_batch(row[None])[0]
+    cop, trunk = oracle(feet, config, dcm, (0.1, -0.2), (0.5, 0.0))
+    assert planned[:2] == pytest.approx(cop, abs=2e-5)
+    assert planned[2:4] == pytest.approx(trunk, abs=2e-3)

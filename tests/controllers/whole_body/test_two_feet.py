@@ -21,8 +21,8 @@ from push_recovery.controllers.whole_body.kinematics import (
     sole_motion,
     sole_position,
 )
-from push_recovery.controllers.whole_body.limits import SHARE_PRICE, make_bounds, yaw_grip
-from push_recovery.controllers.whole_body.two_feet import share_wrench, standing_torque
+from push_recovery.controllers.whole_body.limits import SHARE_PRICE, SOLE_EDGE, make_bounds, yaw_grip
+from push_recovery.controllers.whole_body.two_feet import foot_bears, share_wrench, standing_torque
 from push_recovery.envs.biped.core import BIPED, BIPED_BOUNDS, BIPED_GAINS
 from push_recovery.envs.biped.posture import posture
 from push_recovery.envs.robots.biped import PLAN, biped, biped_model
@@ -212,6 +212,15 @@ def yaw_excess(core, leg, wrench, asked):
     return (abs(yaw) - bound * wrench[2]) / 20.0
 
 
+def edge_room(core, leg, wrench):
+    """How far the CoP under a sole is from its edge, times its load [N m]; inf where that is small."""
+    if wrench[2] <= 1.0:
+        return math.inf
+    x = forward(core, leg)
+    ahead, aside = cop(wrench) @ x, cop(wrench) @ [-x[1], x[0]]
+    return min(0.1 - abs(ahead), 0.05 - abs(aside)) * wrench[2]
+
+
 @pytest.mark.parametrize("stance", [0, 1])
 def test_the_deviation_is_the_least_one_that_keeps_the_bounds_of_both_soles(random_state, robot_in, stance):
     rng, bound = np.random.default_rng(40 + stance), 0
@@ -221,7 +230,9 @@ def test_the_deviation_is_the_least_one_that_keeps_the_bounds_of_both_soles(rand
         core.physics.load[0] = 300.0
         task = random_task(rng, core, stance, 2.0)
         bounds.solution[:] = np.nan
-        wrench, other, torque, _ = torques(core, task, bounds)
+        wrench, other, torque, met = torques(core, task, bounds)
+        if min(edge_room(core, stance, wrench), edge_room(core, 1 - stance, other)) < 1e-3:
+            assert met & SOLE_EDGE
         if np.isnan(bounds.solution).any():
             assert max(excess(core, stance, wrench), excess(core, 1 - stance, other)) <= 1e-9
             for leg, one in ((stance, wrench), (1 - stance, other)):
@@ -273,3 +284,8 @@ def test_a_robot_stands_still_and_carries_half_of_its_weight_on_each_foot(biped_
     np.testing.assert_allclose(phys.com[0, 0], [*rest, BIPED.com_height], atol=1e-3)
     np.testing.assert_allclose(phys.load[0], 0.5 * BIPED.weight, rtol=1e-3)
     assert np.abs(phys.qvel[0]).max() < 1e-3
+
+
+@pytest.mark.parametrize(("load", "bears"), [(0.0, True), (300.0, True), (-1.0, False)])
+def test_a_foot_may_bear_nothing_and_never_pulls(load, bears):
+    assert foot_bears(np.array([0.0, 0.0, load, 0.0, 0.0, 0.0]), AHEAD, LOOSE) is bears
