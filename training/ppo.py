@@ -117,11 +117,12 @@ class AdaptedRate:
     def adapt(self, divergence: float, wanted: float) -> None:
         """Lower it after a divergence of more than twice the wanted one, raise it after less than half.
 
-        This is the rule of Schulman et al. (2017), section 4, on the rate in place of the penalty.
+        This is the rule of Schulman et al. (2017), section 4, on the rate in place of the penalty. A policy
+        that rests, whose divergence is 0, says nothing of the rate.
         """
         if divergence > 2.0 * wanted:
             self.now = max(self.now / FACTOR, LEAST_RATE)
-        elif divergence < 0.5 * wanted:
+        elif 0.0 < divergence < 0.5 * wanted:
             self.now = min(self.now * FACTOR, LARGEST_RATE)
 
 

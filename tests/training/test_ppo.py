@@ -223,10 +223,10 @@ def test_a_resumed_run_meets_new_pushes_and_each_part_its_own():
 
 @pytest.mark.parametrize(
     ("divergence", "rate"),
-    [(0.021, 2e-4), (0.019, 3e-4), (0.006, 3e-4), (0.0049, 4.5e-4), (None, 3e-4)],
+    [(0.021, 2e-4), (0.019, 3e-4), (0.006, 3e-4), (0.0049, 4.5e-4), (None, 3e-4), (0.0, 3e-4)],
 )
 def test_the_rate_follows_the_divergence_of_an_update(divergence, rate):
-    """Wanted 0.01: two thirds of the rate from twice that on, one and a half below half of it."""
+    """Wanted 0.01: two thirds of the rate from twice that on, one and a half below half of it, if not 0."""
     adapted = AdaptedRate(3e-4)
     callback = HoldDivergence(adapted, 0.01)
     logged = {} if divergence is None else {"train/approx_kl": divergence}
@@ -238,7 +238,7 @@ def test_the_rate_follows_the_divergence_of_an_update(divergence, rate):
 def test_the_rate_has_bounds():
     low, high = AdaptedRate(1.2e-6), AdaptedRate(9e-3)
     low.adapt(1.0, 0.01)
-    high.adapt(0.0, 0.01)
+    high.adapt(1e-9, 0.01)
     assert (low.now, high.now) == (1e-6, 1e-2)
 
 
