@@ -369,13 +369,27 @@ ON_G1 = replace(
         *2 * ("link:right_elbow_joint",), "link:right_shoulder_yaw_joint",
     ),
 )  # fmt: skip
+# Without a planner and a teacher (docs/training.md#joints-from-nothing)
+FROM_NOTHING = TrainingSettings(
+    "joint",
+    pushes=ALL_PUSHES,
+    reward="steps",
+    critic=("push", "schedule"),
+    n_envs=256,
+    batch_size=4096,
+    n_epochs=4,
+    policy_layers=(256, 256),
+    wanted_kl=0.01,
+    log_std_end=-2.3625,
+    threads=2,
+    timesteps=18_400_000,
+    evaluate_every=1_000_000,
+)
 RECIPES = {  # in the order of `NAMES` in eval/rollout/load_policy.py
     "residual": EVERY_KIND,
     "residual-hardware": RESIDUAL_ON_HARDWARE,
     "scratch": TrainingSettings("scratch", pushes=ALL_PUSHES),
-    # Imitation only: from nothing PPO survives more and keeps less to its command (docs/training.md)
-    "joint": TrainingSettings("joint", teacher=True, reward="recovery", policy_layers=(256, 256),
-                              timesteps=0),
+    "joint": FROM_NOTHING,
     "joint-residual": JOINT_RESIDUAL,
     "joint-residual-hardware": JOINT_ON_HARDWARE,
     "residual-g1": replace(RESIDUAL, env_id="PushRecovery/G1-v0", pushes=ON_G1),

@@ -40,7 +40,7 @@ class PendulumView:
 
     def _add_artists(self) -> None:
         """What `draw` moves: soles, trunk, CoM, DCM, CMP and the arrow of a push."""
-        axes = self._axes = self._figure.add_axes((0.09, 0.09, 0.90, 0.85))
+        axes = self._axes = self._figure.add_axes((0.125, 0.11, 0.85, 0.805))
         self._soles = [axes.add_patch(Rectangle((0.0, 0.0), 1.0, 1.0, ec="0.3", alpha=0.6)) for _ in range(3)]
         (self._trunk,) = axes.plot([], [], color="0.25", lw=3, solid_capstyle="round")
         self._marks = [

@@ -10,8 +10,8 @@ SOLES = {0: (242, 133, 31), 1: (41, 115, 204)}  # left, right
 FOOTHOLD, DCM, CMP, PUSH = (47, 174, 140), (204, 26, 140), (26, 89, 230), (224, 31, 26)
 FORCE = (300.0, 200.0, 0.0)
 LEGEND = 70  # rows of pixels at the top: title and legend
-SCALE = np.array([640 * 0.90 / 1.6, -480 * 0.85 / 1.136])  # the axes are 1.6 by 1.136 m [pixels/m]
-CENTRE = np.array([640 * (0.09 + 0.45), 480 * (1 - 0.09 - 0.425)])  # of the axes [pixels]
+SCALE = np.array([640 * 0.85 / 1.6, -480 * 0.805 / 1.136])  # the axes are 1.6 by 1.136 m [pixels/m]
+CENTRE = np.array([640 * (0.125 + 0.425), 480 * (1 - 0.11 - 0.4025)])  # of the axes [pixels]
 
 
 def env_at(
