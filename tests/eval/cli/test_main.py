@@ -543,20 +543,6 @@ def test_another_question_changes_nothing_that_the_first_has_left(name, tmp_path
     assert after.keys() > before.keys()
 
 
-def test_a_part_of_the_paper_keeps_the_others_on_the_page(tmp_path):
-    pytest.importorskip("jinja2", reason="needs the extra report")
-    words = ["--directions", "1", "--workers", "1", "--out", str(tmp_path)]
-    assert main(["reproduce", "limits", *words]) == 0
-    first = (tmp_path / "report.html").read_text()
-    assert main(["reproduce", "scenario-2", *words]) == 0
-    both = (tmp_path / "report.html").read_text()
-    captions = [one for one in re.findall(r"<h[34]>.*?</h[34]>|<figcaption>.*?</figcaption>", first) if one]
-    assert captions
-    assert all(one in both for one in captions)
-    assert len(both) > len(first)
-    assert "<span>push-recovery</span> <span>reproduce</span> <span>--directions</span>" in both
-
-
 # `corrections` is slow; it meets a page of another command and another picture, of which one each will do
 PAIRS = [
     pair for pair in permutations(SHARING, 2) if "corrections" not in pair or {"evaluate", "curves"} & {*pair}

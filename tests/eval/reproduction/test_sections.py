@@ -1,6 +1,7 @@
 """What the sections make of their rows, and the command around them."""
 
 import json
+import re
 from functools import partial
 
 import pytest
@@ -176,6 +177,20 @@ def test_sections_share_a_directory(small, tmp_path):
     text = (tmp_path / "tables.md").read_text()
     assert "Scenario 2" in text
     assert "Closed-form limits" in text
+
+
+def test_a_part_of_the_paper_keeps_the_others_on_the_page(small, tmp_path):
+    pytest.importorskip("jinja2", reason="needs the extra report")
+    words = ["--directions", "1", "--workers", "1", "--out", str(tmp_path)]
+    assert main(["reproduce", "limits", *words]) == 0
+    first = (tmp_path / "report.html").read_text()
+    assert main(["reproduce", "scenario-2", *words]) == 0
+    both = (tmp_path / "report.html").read_text()
+    captions = [one for one in re.findall(r"<h[34]>.*?</h[34]>|<figcaption>.*?</figcaption>", first) if one]
+    assert captions
+    assert all(one in both for one in captions)
+    assert len(both) > len(first)
+    assert "<span>push-recovery</span> <span>reproduce</span> <span>--directions</span>" in both
 
 
 @pytest.mark.parametrize(

@@ -171,11 +171,12 @@ def test_recovered_survived_and_why_not(evaluation):
 def test_how_much_search_found_a_policy_is_a_column_where_it_is_known(evaluation, tmp_path):
     preset = tmp_path / "mine.json"
     PresetFile("biped", {}, {}, {}, {"trials": {"two-stage": 188, "raibert": 7}}).save(preset)
-    (tmp_path / "own.safetensors").touch()
-    (tmp_path / "own.json").write_text(json.dumps({"training": {"timesteps": 2_345_000}}))
-    own = str(tmp_path / "own.safetensors")
+    own, taught = (str(tmp_path / f"{name}.safetensors") for name in ("own", "taught"))
+    for path, timesteps in ((own, 2_345_000), (taught, 0)):
+        Path(path).touch()
+        Path(path).with_suffix(".json").write_text(json.dumps({"training": {"timesteps": timesteps}}))
     found = replace(evaluation({"p": "rr"}), env_id=f"PushRecovery/Biped-v0@{preset}")
-    names = ("two-stage", "raibert", "stage-1", own, "joint", "joint-residual", "no/such/file.safetensors")
+    names = ("two-stage", "raibert", "stage-1", own, taught, "joint-residual", "no/such/file.safetensors")
     found = replace(
         found, rows={name: [{**row, "policy": name} for row in found.rows["p"]] for name in names}
     )
