@@ -58,6 +58,7 @@ class Algorithm(ABC):
 
     def learn(self, timesteps: int, callbacks: Sequence[BaseCallback]) -> None:
         """Go on for some timesteps, at least; counting goes on, too."""
+        torch.set_num_threads(self.settings.threads)  # a teacher may have shown with one since
         model: Any = self.model
         model.learn(
             timesteps,

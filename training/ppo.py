@@ -30,7 +30,9 @@ class PPOAlgorithm(Algorithm):
             InvalidValueError: there are neither one nor as many log_std as actions.
         """
         settings = self.settings
-        self._adapted = None if settings.wanted_kl is None else AdaptedRate(settings.learning_rate)
+        self._adapted = (
+            None if settings.wanted_kl is None else AdaptedRate(settings.learning_rate, settings.wanted_kl)
+        )
         policy, options = "MlpPolicy", {}
         if settings.critic:
             inputs: Any = self.venv.observation_space.shape
@@ -83,8 +85,8 @@ class PPOAlgorithm(Algorithm):
         own: list[BaseCallback] = [ValueFirst(settings.value_first)]
         if settings.log_std_end is not None:
             own.append(FallingNoise(settings.initial_log_std, settings.log_std_end, settings.timesteps))
-        if self._adapted is not None and settings.wanted_kl is not None:
-            own.append(HoldDivergence(self._adapted, settings.wanted_kl))
+        if self._adapted is not None:
+            own.append(HoldDivergence(self._adapted))
         return own
 
 
@@ -106,37 +108,38 @@ FACTOR = 1.5  # of a change of the rate
 
 @dataclass
 class AdaptedRate:
-    """Learning rate that is `now`, whatever remains of the run."""
+    """Learning rate that is `now`, whatever remains of the run; it holds updates near a wanted divergence."""
 
     now: float
+    wanted: float
 
     def __call__(self, remaining: float) -> float:
         """The rate."""
         return self.now
 
-    def adapt(self, divergence: float, wanted: float) -> None:
+    def adapt(self, divergence: float) -> None:
         """Lower it after a divergence of more than twice the wanted one, raise it after less than half.
 
         This is the rule of Schulman et al. (2017), section 4, on the rate in place of the penalty. A policy
         that rests, whose divergence is 0, says nothing of the rate.
         """
-        if divergence > 2.0 * wanted:
+        if divergence > 2.0 * self.wanted:
             self.now = max(self.now / FACTOR, LEAST_RATE)
-        elif 0.0 < divergence < 0.5 * wanted:
+        elif 0.0 < divergence < 0.5 * self.wanted:
             self.now = min(self.now * FACTOR, LARGEST_RATE)
 
 
 class HoldDivergence(BaseCallback):
     """Adapts the rate after each update to the divergence that Stable-Baselines3 has logged of it."""
 
-    def __init__(self, rate: AdaptedRate, wanted: float):
+    def __init__(self, rate: AdaptedRate):
         super().__init__()
-        self.rate, self.wanted = rate, wanted
+        self.rate = rate
 
     def _on_rollout_start(self) -> None:
         divergence = self.model.logger.name_to_value.get("train/approx_kl")
         if divergence is not None:  # there has been no update yet
-            self.rate.adapt(float(divergence), self.wanted)
+            self.rate.adapt(float(divergence))
 
     def _on_step(self) -> bool:
         return True

@@ -105,7 +105,7 @@ class TrainingSettings:
     starts: Literal["push", "reset"] | None = None
     """when episodes begin. push: at the moment of a push, in walks that are put back; reset: at a reset, with
     `pushes` to come; None: push where robots can be put back"""
-    reward: Annotated[str | None, arg(metavar="{None,recovery,environment}")] = None
+    reward: Annotated[str | None, arg(metavar=f"{{None,{','.join(REWARDS)}}}")] = None
     """what is rewarded. recovery: 1 for it, -1 for a fall, the capture margin as a potential; environment:
     the environment's own reward; steps: that, and each touchdown by what recovery is judged by; None:
     recovery where robots share one core, but environment for joint"""

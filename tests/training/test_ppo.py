@@ -227,8 +227,8 @@ def test_a_resumed_run_meets_new_pushes_and_each_part_its_own():
 )
 def test_the_rate_follows_the_divergence_of_an_update(divergence, rate):
     """Wanted 0.01: two thirds of the rate from twice that on, one and a half below half of it, if not 0."""
-    adapted = AdaptedRate(3e-4)
-    callback = HoldDivergence(adapted, 0.01)
+    adapted = AdaptedRate(3e-4, 0.01)
+    callback = HoldDivergence(adapted)
     logged = {} if divergence is None else {"train/approx_kl": divergence}
     callback.model = SimpleNamespace(logger=SimpleNamespace(name_to_value=logged))
     callback._on_rollout_start()
@@ -236,9 +236,9 @@ def test_the_rate_follows_the_divergence_of_an_update(divergence, rate):
 
 
 def test_the_rate_has_bounds():
-    low, high = AdaptedRate(1.2e-6), AdaptedRate(9e-3)
-    low.adapt(1.0, 0.01)
-    high.adapt(1e-9, 0.01)
+    low, high = AdaptedRate(1.2e-6, 0.01), AdaptedRate(9e-3, 0.01)
+    low.adapt(1.0)
+    high.adapt(1e-9)
     assert (low.now, high.now) == (1e-6, 1e-2)
 
 
@@ -265,6 +265,14 @@ def test_an_update_that_moves_the_policy_little_is_followed_by_a_faster_one_and_
     again.restore(older, 96, 15)
     again.learn(32, [])
     assert again.model.policy.optimizer.param_groups[0]["lr"] == pytest.approx(1e-3, rel=1e-12)
+
+
+def test_learning_has_its_threads_whatever_a_teacher_has_set():
+    algorithm = adapting(0.01, threads=2)
+    torch.set_num_threads(1)
+    algorithm.learn(32, [])
+    assert torch.get_num_threads() == 2
+    torch.set_num_threads(1)
 
 
 def test_noise_is_bounded_linearly_and_may_be_less():
