@@ -11,24 +11,50 @@ from ..controllers.policies.mlp import NetworkInputs, input_size
 from ..controllers.policies.residual import Below, ResidualRule
 from ..controllers.validation import require_choice
 from ..envs.episode.episodes import GaitEpisodes
+from ..envs.scenario.arrays import NUMBERS
 from ..envs.scenario.push import FRAMES
 
 Array = NDArray[np.float64]
 Actions = NDArray[np.float32]
 
 IMPULSE = 100.0  # that counts as 1 [N s]
+LEVER = 0.1  # of IMPULSE, whose moment counts as 1 [m]
+DELIVERED = 1e-6  # of IMPULSE, as little as rounding leaves of a push that is over
 WAITED = 1 << 20  # steps, more than an episode has
 SENSING_ERROR = 0.05  # that counts as 1, in the units of the observation
 
 
-def impulse_to_come(episodes: GaitEpisodes) -> Array:
-    """Impulse that the pushes have still to deliver (n, 2), x and y of the canonical frame, over IMPULSE."""
+def _impulses(episodes: GaitEpisodes) -> Array:
+    """Impulse that each push has still to deliver (n, P, 2), x and y of the canonical frame, over IMPULSE."""
     pushes, motion = episodes.core.pushes, episodes.motion()
     left = (pushes.force * pushes.duration[..., None] - pushes.delivered)[..., :2] / IMPULSE
     turned = np.where(pushes.frame == FRAMES.index("heading"), 0.0, motion.heading[:, None])  # (n, P)
     cos, sin = np.cos(turned), np.sin(turned)
     forward, to_the_left = cos * left[..., 0] + sin * left[..., 1], cos * left[..., 1] - sin * left[..., 0]
-    return np.stack([forward.sum(axis=1), side_sign(motion.side) * to_the_left.sum(axis=1)], axis=1)
+    return np.stack([forward, side_sign(motion.side)[:, None] * to_the_left], axis=2)
+
+
+def impulse_to_come(episodes: GaitEpisodes) -> Array:
+    """Impulse that the pushes have still to deliver (n, 2), x and y of the canonical frame, over IMPULSE."""
+    return _impulses(episodes).sum(axis=1)
+
+
+def place_to_come(episodes: GaitEpisodes) -> Array:
+    """Where what is still to come acts, and for how long (n, 6), in the canonical frame.
+
+    The part that acts on other bodies than the pelvis (x, y), over IMPULSE; the angular impulse
+    r x p  about the CoM of the body that is pushed (x, y, z), over LEVER IMPULSE, where r is the point of
+    attack in the body's axes, taken as those of the heading; the longest of its pushes [s].
+    """
+    pushes, impulses = episodes.core.pushes, _impulses(episodes)
+    x, y = impulses[..., 0], impulses[..., 1]
+    forward, inward, up = np.moveaxis(pushes.offset, 2, 0)
+    inward = side_sign(episodes.motion().side)[:, None] * inward
+    elsewhere = pushes.body != NUMBERS["pelvis"]
+    moments = -up * y, up * x, forward * y - inward * x
+    duration = np.where(np.hypot(x, y) > DELIVERED, pushes.duration, 0.0).max(axis=1)
+    parts = [elsewhere * x, elsewhere * y, *(moment / LEVER for moment in moments)]
+    return np.stack([*(part.sum(axis=1) for part in parts), duration], axis=1)
 
 
 def pushes_to_come(episodes: GaitEpisodes) -> Array:
@@ -48,6 +74,7 @@ def sensing_error(episodes: GaitEpisodes) -> Array:
 # Blocks that only the value network sees, since they are known in training alone: sizes and values
 CRITIC: dict[str, tuple[int, Callable[[GaitEpisodes], Array]]] = {
     "push": (2, impulse_to_come),
+    "place": (6, place_to_come),
     "schedule": (3, pushes_to_come),
     "sensing": (OBSERVATION_SIZE, sensing_error),
 }

@@ -98,8 +98,8 @@ class TrainingSettings:
     inputs: Annotated[tuple[str, ...] | None, arg(metavar="{None|BLOCK [BLOCK ...]}")] = None
     """what the network sees: blocks of observation, base, gate, margin; None: all that the kind has"""
     critic: Annotated[tuple[str, ...], arg(metavar="[BLOCK ...]")] = ()
-    """what only the value network sees besides: push (the impulse to come), schedule (when
-    later pushes come), sensing (the sensors' errors)"""
+    """what only the value network sees besides: push (the impulse to come), place (where it acts and for how
+    long), schedule (when later pushes come), sensing (the sensors' errors)"""
 
     # What is trained on, and for what
     starts: Literal["push", "reset"] | None = None

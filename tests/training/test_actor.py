@@ -12,9 +12,16 @@ from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.residual import ResidualRule
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.scenario.push import GaitEvent, polar_push
+from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.training.actor import Actor, check_critic, impulse_to_come, pushes_to_come, sensing_error
+from push_recovery.training.actor import (
+    Actor,
+    check_critic,
+    impulse_to_come,
+    place_to_come,
+    pushes_to_come,
+    sensing_error,
+)
 from push_recovery.training.builders import completed, make_env, make_robots
 from push_recovery.training.settings import TrainingSettings
 
@@ -77,6 +84,25 @@ def test_a_push_in_the_frame_of_the_heading_turns_with_the_robot_until_it_starts
     outward = -1.0 if episodes.motion().side[0] == 0 else 1.0
     expected = 0.5 * math.cos(heading), -outward * 0.5 * math.sin(heading)
     np.testing.assert_allclose(impulse_to_come(episodes)[0], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(("side", "outward"), [("left", -1.0), ("right", 1.0)])
+def test_a_push_off_the_centre_of_the_trunk_comes_with_its_moment(side, outward):
+    """40 N s forward and 30 N s to the left at 0.1, 0.2 and 0.3 m from the CoM: r x p by hand, over 10 N m s.
+
+    In the world r x p = (-0.3 * 30, 0.3 * 40, 0.1 * 30 - 0.2 * 40) = (-9, 12, -5) N m s; the mirror keeps the
+    moment about y alone. A push that is over counts no more, whatever its duration was.
+    """
+    episodes = BipedEpisodes(1)
+    trunk = Push((400.0, 300.0, 0.0), 0.1, 0.5, "trunk", (0.1, 0.2, 0.3))
+    pelvis = polar_push(100.0, 0.0, 0.3, 0.0)
+    episodes.begin(0, Scenario("x", pushes=(pelvis, trunk), stance_side=side))
+    canonical = np.array([0.4, outward * 0.3, -0.9 * outward, 1.2, -0.5 * outward])
+    np.testing.assert_allclose(place_to_come(episodes)[0], [*canonical, 0.3], atol=1e-12)
+    episodes.core.pushes.delivered[0, 0] = 100.0 * 0.3, 0.0, 0.0
+    np.testing.assert_allclose(place_to_come(episodes)[0], [*canonical, 0.1], atol=1e-12)
+    episodes.core.pushes.delivered[0, 1] = 40.0, 30.0, 0.0
+    np.testing.assert_allclose(place_to_come(episodes)[0], np.zeros(6), atol=1e-12)
 
 
 def test_later_pushes_are_counted_until_their_step_comes():
