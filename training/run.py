@@ -268,6 +268,7 @@ class Run:
             self.algorithm.start_from(taught_policy(settings, out / TAUGHT))
             report(self.start, "")
         self.curve = [p for p in read_curve(out / "curve.csv") if checkpoint and p.timesteps <= self.start]
+        self._has_best = checkpoint is not None and holds_best(out, self.start)
 
     @property
     def timesteps(self) -> int:
@@ -304,7 +305,7 @@ class Run:
         except KeyboardInterrupt:
             self.checkpoint()
             raise
-        if self.curve[-1].timesteps < self.timesteps:
+        if self.curve[-1].timesteps < self.timesteps or not self._has_best:
             self.evaluate()
         self.checkpoint()
         whole = self.manifest(POLICY)
@@ -334,11 +335,12 @@ class Run:
         """Add a point to the learning curve; keep its policy unless an earlier one recovered more often."""
         policy = self.policy()
         point = score(self.env, policy, self.scenarios, self.timesteps, self.seconds)
-        kept = policy_paths(self.out / BEST)[1].exists()
-        best = max((earlier.recovered for earlier in self.curve if kept), default=0.0)
+        self.curve = [earlier for earlier in self.curve if earlier.timesteps < point.timesteps]
+        best = max((earlier.recovered for earlier in self.curve if self._has_best), default=0.0)
         self.curve.append(point)
         if point.recovered >= best:
             policy.save(self.out / BEST, self.manifest(BEST))
+            self._has_best = True
         write_curve(self.out / "curve.csv", self.curve)
         if self.timesteps > 0 and hasattr(self.algorithm.model, "_logger"):
             for name in ("recovered", "survived", "mean_reward"):
@@ -376,6 +378,19 @@ class Run:
         self.venv.close()
         self.one.close()
         self.env.close()
+
+
+def holds_best(out: Path, timesteps: int) -> bool:
+    """Whether a run's folder has the best policy of the first timesteps of its curve, whole.
+
+    A kill between its two files leaves it in part, and a run that goes on from an older checkpoint finds one
+    of the part that it gives up.
+    """
+    try:
+        NetworkPolicy.load(out / BEST)
+        return int(training_note(policy_paths(out / BEST)[1])["timesteps"]) <= timesteps
+    except InvalidValueError:
+        return False
 
 
 def initial_policy(settings: TrainingSettings, own: Path | None) -> NetworkPolicy:

@@ -147,6 +147,34 @@ def test_the_best_of_the_curve_is_kept_the_later_one_of_equals(
     assert (last == (out / "best.safetensors").read_bytes()) == (best == 1024)
 
 
+def test_a_run_that_goes_on_from_an_older_checkpoint_gives_up_the_best_of_later(
+    tmp_path, training_run_settings, curve_of
+):
+    """0.75 at 1024 is given up with what followed 768; 0.25 there is the best since."""
+    out = tmp_path / "run"
+    curve_of(0.5, 0.5, 0.75, 0.25)
+    train(training_run_settings, out)
+    resume(find_checkpoints(out)[0], 1024)
+    note = json.loads((out / "best.json").read_text())["training"]
+    assert [(one["timesteps"], one["recovered"]) for one in note["curve"]] == [
+        (0, 0.5), (512, 0.5), (1024, 0.25)
+    ]  # fmt: skip
+    assert (out / "best.safetensors").read_bytes() == (out / "policy.safetensors").read_bytes()
+
+
+@pytest.mark.parametrize("left", [None, b"of another moment"])
+def test_a_best_that_a_kill_has_left_in_part_is_made_again(tmp_path, training_run_settings, curve_of, left):
+    """Where the run is over already, its last point is scored again and stands in the curve once."""
+    out = tmp_path / "run"
+    curve_of(0.5, 0.5, 0.25, 0.25)
+    train(training_run_settings, out)
+    weights = out / "best.safetensors"
+    weights.unlink() if left is None else weights.write_bytes(left)
+    resume(out)
+    assert [point.timesteps for point in read_curve(out / "curve.csv")] == [0, 512, 1024]
+    assert NetworkPolicy.load(out / "best").network.sizes == (36, 16, 16, 7)
+
+
 def test_a_run_that_starts_over_forgets_what_was_best(tmp_path, training_run_settings, curve_of):
     """One that was killed before its first checkpoint leaves no curve that a new run could compare with."""
     out = tmp_path / "run"
