@@ -421,3 +421,26 @@ def test_a_robot_begins_as_if_there_had_been_none_before_it():
     observation, _ = used.reset(options={"scenario": Scenario("next")})
     expected, _ = fresh.reset(options={"scenario": Scenario("next")})
     assert observation.tolist() == expected.tolist()
+
+
+def test_scale_errors_have_their_stated_sizes(true):
+    settings, off, start = PERFECT._replace(rate_scale=0.01, force_scale=0.05), [], true.qpos[0].copy()
+    for seed in range(300):
+        true.qpos[0] = start
+        sensors = sensing(true, settings, seed)
+        turn(true, 0.4, -0.5, 0.6)
+        told, q = read_inertial(sensors, 0, 1, true, DT), true.qpos[0, 3:7]
+        felt = rotated((q[0], *-q[1:]), (0.0, 0.0, DT * G))
+        off.append([*np.divide(told.rate, (0.4, -0.5, 0.6)), *np.divide(told.change, felt)])
+    np.testing.assert_allclose(np.std(off, axis=0), [0.01] * 3 + [0.05] * 3, rtol=0.2)
+    assert np.abs(np.corrcoef(np.transpose(off)) - np.eye(6)).max() < 0.25
+
+
+def test_force_sensors_have_noise_of_their_own_of_the_stated_size(true, read):
+    """2 N each: the load of either sole and three components of the floor's force."""
+    sensors, told = sensing(true, SensorSettings()), []
+    for step in range(1, 801):
+        floor = read_feet(sensors, 0, step, true, contacts(), read, DT)
+        told.append([*read.load[0], *floor])
+    np.testing.assert_allclose(np.std(told, axis=0), 2.0, rtol=0.12)
+    assert np.abs(np.corrcoef(np.transpose(told)) - np.eye(5)).max() < 0.15

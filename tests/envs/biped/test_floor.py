@@ -273,3 +273,29 @@ def test_known_steps_are_climbed_at_the_commanded_speed(rise):
     one, other = episodes.core.com[:, 0]
     assert one == pytest.approx(other, abs=1e-6)  # its mirror image
     assert one == pytest.approx(stairs.end + 0.6, abs=stairs.tread)
+
+
+@pytest.mark.parametrize("behind", [0.0, -0.3])
+def test_a_robot_that_walks_backward_sends_its_dcm_back(behind):
+    """Clear are x <= 0.1 m and x >= 0.4 m: seen from 0.412 m, on the grid, to -0.315 and from -0.005 on."""
+    way, obs, speed = np.zeros(WAY_SIZE), np.zeros(36), -0.2
+    FOOTHOLDS.begin_step(EDGE, way, standing(0.412, speed=speed))
+    way[BEHIND], obs[1:3] = behind, (-0.02, 0.05)
+    gain = obs[1:3] * math.exp(OMEGA * CONFIG.touchdown_delay)
+    step = gain * math.exp(OMEGA * SHORT) - [-0.03, -0.055]
+    asked = np.array([*step, SHORT, 0.0, 0.0, 0.0, 0.0])
+    FOOTHOLDS.move_step(way, speed, obs, asked)
+    assert way[SENDS] == (behind < 0.0)
+    if behind:
+        arrives = offset_of(asked, gain) * math.exp(OMEGA * LONG) - (-0.325 + 0.005)
+        assert arrives == pytest.approx(-0.03, abs=0.03)
+
+
+def test_the_line_of_the_other_foot_turns_with_the_sole():
+    """At 45 degrees a sole and its 5 cm reach 0.25 / sqrt(2) m along x, so the way is clear up to
+    0.25 sqrt(2) - 0.25 + 0.2 = 0.3036 m, which is 0.295 on the grid.
+    """
+    way = np.zeros(WAY_SIZE)
+    FOOTHOLDS.begin_step(EDGE, way, Stance(0, 0.0, 0.0, 0.0, math.pi / 4, 0.2, 0.2))
+    assert way[7] == 1  # intervals
+    assert way[8:10] == pytest.approx([BIPED_LIMITS.length_min, 0.295], abs=1e-9)

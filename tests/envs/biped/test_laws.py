@@ -672,3 +672,64 @@ def test_info_of_a_vector_tells_it_where_a_law_is(first):
     assert info.get("_delivered", nowhere).tolist() == [not first, False]
     if first:
         assert np.linalg.norm(final["delivered"][0]) > 20.0
+
+
+def test_a_floor_goes_and_tilts_in_the_frame_of_the_robots_heading():
+    """The platform after 10 of 25 ms of 20 m/s^2, the axis of the tilt at a right angle: at 0.7 + 0.5 rad."""
+    for part in (
+        Platform(0.02, 0.5, 0.01, direction=0.5, acceleration=20.0),
+        TiltingPlatform(0.1, 1.0, 0.01, 0.5, acceleration=20.0),
+    ):
+        episodes = BipedEpisodes(1)
+        episodes.begin(0, Scenario("a", disturbances=(part,), duration=9.0))
+        core = episodes.core
+        core.gait.heading[0] = 0.7
+        for _ in range(2):
+            episodes.step(np.zeros((1, 7), np.float32))
+        if isinstance(part, Platform):
+            expected = -20.0 * math.cos(1.2), -20.0 * math.sin(1.2)
+            assert core.simulations.models[0].opt.gravity[:2] == pytest.approx(expected, abs=1e-6)
+        else:
+            axis = core.pushes.progress[0, 0, laws.AXIS :][:3]
+            assert axis == pytest.approx([-math.sin(1.2), math.cos(1.2), 0.0])
+
+
+def test_a_short_way_ends_where_it_is_told_to():
+    """1 cm at 4 m/s^2 never gets to 0.4 m/s: half of it is gone at 0.05 s, all at 0.1 s."""
+    bench = Bench(WaistPull(0.01, 0.4, 0.0, acceleration=4.0, hold=0.2, reach=100.0, damping=0.0))
+    forces = np.array([bench()[0] for _ in range(100)])
+    assert forces[25] == pytest.approx(5000.0 * 0.005, rel=1e-6)
+    assert forces[60:] == pytest.approx(5000.0 * 0.01, rel=1e-6)
+    assert laws.way_gone(9.0, 0.01, 0.4, 4.0) == pytest.approx(0.01)
+    assert laws.way_gone(0.05, 0.01, 0.4, 4.0) == pytest.approx(0.005)
+
+
+def test_the_cable_of_a_motor_is_damped():
+    """At 0.15 s the end has gone 0.4 x (0.15 - 0.025) = 5 cm at 0.4 m/s: k s + c v."""
+    bench = Bench(WaistPull(0.12, 0.4, 0.0, acceleration=8.0, hold=0.2, reach=100.0, damping=50.0))
+    forces = [bench()[0] for _ in range(76)]
+    assert forces[75] == pytest.approx(5000.0 * 0.05 + 50.0 * 0.4, rel=1e-6)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_block_meets_the_middle_of_the_soles_front_edge(side):
+    """biped.xml: the CoM of a foot is at z = -0.035 m, its sole at -0.06 m and 0.2 m long."""
+    episodes = BipedEpisodes(1)
+    episodes.begin(0, Scenario("a", disturbances=(Trip(GaitEvent(4, side)),)))
+    assert episodes.core.pushes.offset[0, 0] == pytest.approx([0.1, 0.0, -0.025])
+
+
+def test_a_block_gives_back_half_the_speed():
+    """With a quarter of the energy: k (d - 0.75 d_max) / 0.25 on the way out."""
+    bench = Bench(Trip(GaitEvent(0, "left"), gap=0.02, duration=1.0))
+    bench.pushes.start[0, 0] = 0.0
+    forces = []
+    for x in (0.0, 0.025, 0.0245, 0.023):
+        bench.place[0] = x
+        forces.append(bench()[0])
+    assert forces == pytest.approx([0.0, -50.0, -30.0, 0.0], abs=1e-9)
+
+
+def test_a_payload_has_0_7_of_critical_damping():
+    """2 x 0.7 x sqrt(2000 x 5)."""
+    assert Payload(5.0, 0.5, 1.0, stiffness=2000.0).forces[0].law.damping == pytest.approx(140.0)

@@ -635,3 +635,21 @@ def test_the_mirrored_scenario_gives_the_mirrored_outcome(biped_core, begin, err
             com.append(core.simulations.data[0].subtree_com[0].copy())
         coms.append(np.array(com))
     np.testing.assert_allclose(coms[0], coms[1] * [1.0, -1.0, 1.0], atol=1e-6)
+
+
+def test_windings_warm_as_fast_in_finer_physics(biped_core, begin):
+    """Every 2 ms by 2 ms / 40 s of what the squared share of the continuous torque is ahead."""
+    core, torques = biped_core(), []
+    core.after_physics_step = lambda: torques.append(core.simulations.data[0].ctrl.copy())
+    begin(core, 0, Scenario("a", errors=ModelErrors(continuous_torque=0.4), physics=PhysicsOptions(0.0005)))
+    step(core)
+    warmth, limit = np.zeros(14), 0.4 * biped_model().actuator_forcerange[:, 1]
+    for torque in torques:
+        warmth += 0.002 / 40.0 * ((torque / limit) ** 2 - warmth)
+    np.testing.assert_allclose(core.errors.warmth[0], warmth, rtol=0.01, atol=1e-12)
+
+
+def test_the_contact_time_is_that_of_all_that_collides():
+    model = altered_model(biped(), ModelErrors(collisions=True), PhysicsOptions(contact_time=0.02))
+    assert model is not None
+    assert set(model.geom_solref[model.geom_contype > 0, 0]) == {0.02}

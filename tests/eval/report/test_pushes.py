@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.controllers.model.standing import Feet, max_standing_force
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.output.statistics import LogisticFit, fit_logistic, kaplan_meier
@@ -176,3 +178,12 @@ def test_a_share_is_told_with_its_interval():
     low, high = (float(part) for part in parts.share_at(curve, 3.0).split("(")[1].rstrip(")").split(" to "))
     assert np.isclose(low, 100.0 * curve.low[-1], atol=0.05)
     assert np.isclose(high, 100.0 * curve.high[-1], atol=0.05)
+
+
+@pytest.mark.parametrize(("side", "left"), [("right", 0.2), ("left", -0.2)])
+def test_the_share_of_a_stander_is_that_of_its_feet_astride(side, left):
+    scenario = Scenario("one", (polar_push(225.0, 0.6, 0.1, 0.5),), Command(stand=True), side, stride=0.2)
+    with make_env("PushRecovery/Pendulum-v0@paper") as env:
+        (found,) = parts.mapped_pushes(env, [scenario])
+    limit = max_standing_force(RobotModel(), 0.6, 0.1, feet=Feet((0.2, left)))
+    assert found.share == pytest.approx(225.0 / limit)

@@ -37,7 +37,7 @@ from push_recovery.eval.score.evaluate import evaluate
 from push_recovery.eval.score.suites import Suite
 
 onnx = pytest.importorskip("onnx")
-pytest.importorskip("gaitkeeper")
+ObservationBuilder = pytest.importorskip("gaitkeeper.terms").ObservationBuilder
 
 BIPED = "PushRecovery/Biped-v0"
 LEG = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
@@ -303,7 +303,7 @@ def test_metadata_of_holosoma_are_completed_by_what_its_walkers_expect(tmp_path)
         "dof_names": joints,
         "kp": [40.0] * 29,
         "kd": [2.0] * 29,
-        "command_ranges": {"lin_vel_x": [-1, 1]},
+        "command_ranges": {"lin_vel_x": [-1, 1], "lin_vel_y": [-0.5, 0.4], "ang_vel_yaw": [-0.8, 0.7]},
     }
     path = tmp_path / "walker.onnx"
     save_network(path, np.zeros((29, 100)), {key: json.dumps(value) for key, value in texts.items()})
@@ -312,11 +312,25 @@ def test_metadata_of_holosoma_are_completed_by_what_its_walkers_expect(tmp_path)
     names = [term["source_name"] for term in group]
     assert names == sorted(names)
     assert sum(term["dim"] for term in group) == 100
-    assert contract.get(LIMITS) == {"vx": [-1, 1]}
-    assert contract.of_joints("control.default_joint_pos", ["left_knee_joint", "left_elbow_joint"]) == (
-        0.669,
-        0.6,
-    )
+    assert contract.get(LIMITS) == {"vx": [-1, 1], "vy": [-0.5, 0.4], "wz": [-0.8, 0.7]}
+    servos = contract.servos(joints)
+    assert (servos.stiffness, servos.damping) == ((40.0,) * 29, (2.0,) * 29)
+    assert contract.rate == pytest.approx(50.0)
+    assert set(contract.get("control.actions.joint_pos.scale").values()) == {0.25}
+    # Pose and scales as in holosoma_inference; its clock is one step of 50 Hz ahead, of a period of 1 s
+    leg_pose, arm_pose = [-0.312, 0, 0, 0.669, -0.363, 0], [0, 0.6, 0, 0, 0]
+    pose = [*leg_pose, *leg_pose, 0, 0, 0, 0.2, 0.2, *arm_pose, 0.2, -0.2, *arm_pose]
+    assert contract.of_joints("control.default_joint_pos", joints) == pytest.approx(pose)
+    seen = ObservationBuilder(contract.contract).step(
+        np.array([1.0, 0, 0, 0]), np.array([1.0, 2, 3]), np.zeros(29), np.full(29, 2.0), joints,
+        np.array([0.4, 0.1, 0.3]), 0, np.zeros(29), np.zeros(3),
+    )  # fmt: skip
+    clock = 2.0 * math.pi / 50.0
+    expected = [0.25, 0.5, 0.75, 0.3, 0.4, 0.1, math.cos(clock), -math.cos(clock)]
+    assert seen[29:37] == pytest.approx(expected, abs=1e-5)
+    assert seen[37:66] == pytest.approx(-np.array(pose))
+    assert seen[66:95] == pytest.approx(0.1)
+    assert seen[95:] == pytest.approx([0, 0, -1, math.sin(clock), -math.sin(clock)], abs=1e-5)
     texts["dof_names"] = joints[:-1]
     save_network(path, np.zeros((29, 100)), {key: json.dumps(value) for key, value in texts.items()})
     with pytest.raises(InvalidValueError, match=r"'dof_names' of .* are those of no robot of Holosoma"):
@@ -380,3 +394,22 @@ def test_torchscript_asks_for_trust_and_then_scores_as_onnx_does(mjlab, suite, t
     replace(contract, network=script).write(written)
     with pytest.raises(InvalidValueError, match=r"is no TorchScript"):
         evaluate(suite, BIPED, {"script": Trusted(str(written))}, directory=tmp_path / "broken")
+
+
+def test_targets_are_clipped_where_the_contract_says_so(mjlab):
+    """A network of zeros asks for its pose: within 0.1 rad of zero, that is off the pose by the rest."""
+    field = "control.actions.joint_pos."
+    contract = read_contract(mjlab(), {field + "clip": [-0.1, 0.1], field + "clip_stage": "processed"})
+    env = FullBodyEnv(contract.servos(["waist_pitch", "waist_roll", *JOINTS]), control_hz=50.0)
+    row, _ = env.reset(options={"scenario": Scenario("s", duration=1.0)})
+    action, _ = Contender(contract, env.episodes).predict(row)
+    off = action[[env.episodes.joints.index(name) for name in JOINTS]] * 2.0 * math.pi
+    assert off == pytest.approx([0.0, 0.0, 0.1, -0.3, 0.1, 0.0] * 2, abs=1e-6)
+    env.close()
+
+
+def test_torques_that_a_contract_limits_bound_those_joints_alone(mjlab):
+    contract = read_contract(mjlab(), {"model.effort_limit": {"left_knee": 33.0, "right_ankle_roll": 7.0}})
+    torque = dict(zip(JOINTS, contract.servos(["waist_pitch", *JOINTS]).torque, strict=True))
+    assert (torque.pop("left_knee"), torque.pop("right_ankle_roll")) == (33.0, 7.0)
+    assert min(torque.values()) >= 1e6
