@@ -385,3 +385,15 @@ def test_an_offset_that_costs_nothing_leaves_place_and_time_nominal():
     found = solve_step(problem)
     assert found.step == pytest.approx(problem.step_nominal)
     assert found.tau == pytest.approx(problem.tau_nominal)
+
+
+def test_in_the_transfer_an_undisturbed_capture_step_is_nominal():
+    """The CoP is on its way from the other foot: the DCM is kappa of that way behind the one of a step."""
+    whole, t, place, omega = 0.1, 0.04, np.array([-0.15, 0.22]), ROBOT.omega
+    config = replace(preset_config("double-support"), foothold="capture_point", push_carry=0.0)
+    gait = nominal_gait(ROBOT, LIMITS, (0.2, 0.0), 0.0, whole)
+    left = whole - t
+    kappa = left / whole - (1.0 - math.exp(-omega * left)) / (omega * whole)
+    row = plan(t, nominal_dcm(gait, t) + kappa * place, (0.2, 0.0), config, swing=place)
+    np.testing.assert_allclose(row[STEP : STEP + 2], [gait.length, gait.width], atol=1e-12)
+    np.testing.assert_allclose(row[OFFSET : OFFSET + 2], gait.offset, atol=1e-12)

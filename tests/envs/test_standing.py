@@ -9,7 +9,7 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.observation import ON_BOTH_FEET, SWING_CONTACT, SWING_POSITION
 from push_recovery.controllers.model.standing import max_standing_force
-from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, LEG_JOINT
+from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, LEG_JOINT, PELVIS
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import Kick, Push
 from push_recovery.envs.scenario.scenario import HARDWARE, Command, CommandChange, Scenario
@@ -274,3 +274,20 @@ def test_soles_do_not_stay_turned_by_a_push_beside_the_com(stage):
     assert not fell
     assert info["recovered_at"] is not None
     assert np.abs(yaws[-1]).max() < math.radians(5.0)
+
+
+def test_at_rest_the_cop_is_under_the_com(stage):
+    env, policy = stage(BIPED)
+    walked(env, policy, Scenario("rest", (), STAND, duration=1.0))
+    assert env.core.world[0, 2:4] == pytest.approx(env.core.world[0, :2], abs=0.01)
+
+
+@pytest.mark.parametrize("yaw", [0.2, -0.2])
+def test_the_pelvis_of_a_stander_points_between_its_soles(stage, yaw):
+    env, policy = stage(BIPED)
+    seen, _ = env.reset(options={"scenario": Scenario("rest", (), STAND, duration=5.0)})
+    env.core.gait.yaw[0, 0] = yaw  # the other sole counts as turned by so much
+    for _ in range(150):
+        seen, *_ = env.step(policy.predict(seen)[0])
+    axes = env.core.physics.xmat[0, PELVIS]
+    assert math.atan2(axes[3], axes[0]) == pytest.approx(0.5 * yaw, abs=0.02)

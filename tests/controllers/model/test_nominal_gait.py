@@ -116,3 +116,10 @@ def test_less_its_transfer_the_dcm_is_what_drifts_to_the_end_of_the_step(velocit
     np.testing.assert_allclose(
         nominal_gaits.drifting_dcm_kernel(gait.row, ROBOT.omega, delay), left, atol=1e-14
     )
+
+
+def test_backward_it_saturates_too():
+    gait = nominal_gait(ROBOT, LIMITS, (-3.0, 0.0))
+    assert (gait.length, gait.duration) == (-0.5, 0.3)
+    growth = math.exp(0.3 * math.sqrt(9.81 / 0.8))
+    assert gait.offset_x == pytest.approx(-0.5 / (growth - 1.0))

@@ -193,3 +193,27 @@ def test_the_table_of_the_page():
         closed.append(max_recoverable_impulse(ROBOT, psi))
         assert [float(cell[0]) for cell in cells] == pytest.approx(closed, abs=0.051)
         assert [float(cell[1]) for cell in cells] == pytest.approx(closed, abs=0.151)
+
+
+def test_after_an_odd_number_of_steps_the_dcm_is_on_the_inner_side():
+    found = solve(ROBOT, 0.4, step_durations=(0.3,) * 9)
+    aside = -0.2 / (1.0 + math.exp(0.65 * math.sqrt(9.81 / 0.8)))  # -0.0186 m
+    np.testing.assert_allclose(found.dcm[-1] - found.footholds[-1], [0.0, aside], atol=1e-6)
+
+
+def test_only_the_first_step_waits_for_the_reaction():
+    late = TrajectoryProblem(ROBOT, 0.0, reaction=0.5)
+    best = trajectory_program.trajectory_limit_over_timing(late, 3)
+    assert best is not None
+    assert best.step_durations == (0.5, *(0.3,) * 9)
+    assert best.force == pytest.approx(max_recoverable_force(ROBOT, 0.0, reaction=0.5), abs=0.1)
+
+
+def test_the_program_keeps_the_box_of_the_trunk():
+    """J/(m g) u (1 - exp(-w sqrt(theta_max / u)))^2 of DCM, with u at 10 of the torque's 18.75 rad/s^2."""
+    limits = dataclasses.replace(LIMITS, trunk_acceleration_max=10.0)
+    options = {"foot": False, "duration": 0.0, "limits": limits}
+    gained = solve(ROBOT, 0.0, **options).impulse - solve(ROBOT, 0.0, flywheel=False, **options).impulse
+    omega = math.sqrt(9.81 / 0.8)
+    swing = 8.0 / (60.0 * 9.81) * 10.0 * (1.0 - math.exp(-omega * math.sqrt(math.pi / 3 / 10.0))) ** 2
+    assert gained == pytest.approx(60.0 * omega * swing, abs=0.05)

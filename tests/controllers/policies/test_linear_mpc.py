@@ -288,3 +288,23 @@ def test_double_support_is_refused():
         InvalidValueError, match=r"^linear MPC plans no double support, got 0.1 s; set double"
     ):
         make_policy("herdt", preset="double-support")
+
+
+def test_the_footstep_of_a_held_step_is_no_choice():
+    config = replace(CONFIG, freeze=0.05)
+    duration = nominal_gait(ROBOT, LIMITS, touchdown_delay=DELAY).duration
+    seen, rows = observe(duration - 0.03), np.zeros((1, ROW_SIZE))
+    seen[columns.PREVIOUS_ACTION] = LIMITS.to_action(np.array([0.1, 0.25, duration, 0, 0, 0, 0]))
+    StepPlanner(ROBOT, LIMITS, config).plan(seen[None], rows)
+    mpc = linear_mpc.LinearMpc(ROBOT, LIMITS, config)
+    for axis, off in enumerate((0.1, 0.05)):  # from the nominal place: 0.1 - 0, 0.25 - 0.2
+        qp = mpc.program(seen, rows[0], axis, mpc.horizon(0.05, duration + DELAY))
+        row = linear_mpc.NODES
+        assert (qp.lower[row], qp.upper[row]) == pytest.approx((off, off), abs=1e-6)
+
+
+def test_the_first_interval_is_no_shorter_than_its_least():
+    mpc = linear_mpc.LinearMpc(ROBOT, LIMITS, CONFIG)
+    none, least = mpc.horizon(0.0, 0.45), mpc.horizon(CONFIG.first_interval_min, 0.45)
+    for mine, theirs in zip(none, least, strict=True):
+        np.testing.assert_array_equal(mine, theirs)

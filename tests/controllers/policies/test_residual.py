@@ -199,3 +199,10 @@ def test_a_base_beyond_the_box_is_clipped_where_it_acts(monkeypatch):
     found = rule.act(np.zeros((1, 36)), np.zeros_like(BASE))
     np.testing.assert_array_equal(found.total, np.ones((1, 7)))
     np.testing.assert_array_equal(found.base, beyond)
+
+
+def test_a_residual_on_the_nominal_walk_stays_on_it():
+    below = ResidualBase("passive", "default", (0.0,) * 7, make_policy("passive").config).make(ROBOT, LIMITS)
+    seen = np.zeros(36)
+    seen[ELAPSED], seen[DCM] = 0.1, (0.15, 0.2)  # far off
+    assert below.plan(seen).gait[:3] == pytest.approx([0.0, 0.2, 0.65])

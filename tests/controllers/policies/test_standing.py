@@ -122,3 +122,25 @@ def test_a_shift_ends_where_a_nominal_step_begins_and_costs_what_stage_1_says(co
     expected = np.dot([c.alpha_step, c.alpha_offset, c.alpha_duration], squares)
     np.testing.assert_allclose(costs, expected, atol=1e-9)
     assert costs[0] > 1.0
+
+
+def test_a_walker_beside_a_stander_gets_the_plan_that_it_gets_alone():
+    policy, walker = make_policy("two-stage"), np.zeros(36)
+    walker[0], walker[DCM] = 0.1, (0.15, 0.2)
+    batch = np.stack([standing((0.0, 0.1)), walker, standing((0.03, 0.12))])
+    together = policy.predict(batch)[0]
+    assert np.abs(together[1, 3:5]).max() > 0.1  # stage 2 has used the CoP
+    for one, row in zip(batch, together, strict=True):
+        assert policy.predict(one)[0].tobytes() == row.tobytes()
+
+
+def test_in_place_a_felt_push_counts_as_going_on_for_a_tenth_of_a_second():
+    """It moves the DCM by (1 - exp(-w 0.1 s)) of what it is estimated at, from a threshold of 0.135 m on."""
+    policy = make_policy("two-stage", preset="biped")
+    share = 1.0 - math.exp(-0.1 * math.sqrt(9.81 / 0.8))
+    push, dcm = np.array([0.15, -0.2]), np.array([0.01, 0.12])
+    felt, moved = standing(dcm), standing(dcm + share * push)
+    felt[PUSH_ESTIMATE] = push
+    assert policy.plan(felt).gait[3:] == pytest.approx(policy.plan(moved).gait[3:], abs=1e-9)
+    felt[PUSH_ESTIMATE] = 0.1, 0.08  # 0.128 m
+    assert policy.plan(felt).gait.tolist() == policy.plan(standing(dcm)).gait.tolist()

@@ -184,3 +184,10 @@ def test_bad_input_is_named():
         JerkCopPlanner(ROBOT, LIMITS, replace(REPAIRED, jerk_cost="exact"))  # type: ignore[arg-type]
     with pytest.raises(InvalidValueError, match="beta_dcm_acceleration"):
         JerkCopPlanner(ROBOT, LIMITS, replace(REPAIRED, beta_dcm_acceleration=0.0))
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_either_axis_says_where_its_limit_gave_way(axis):
+    state = np.zeros((7, 2))
+    state[1:3, axis] = 1.0, 8.0  # the stop of 1.047 rad is passed within 6 ms
+    assert call(PLANNERS["literal"], 0.3, state).status == "relaxed"

@@ -81,3 +81,15 @@ def test_stage_1_counts_no_debt_of_a_trunk_that_cannot_swing(missing, axis):
     without = [gaits(config, seen, **{missing: False})[:, step] for seen in (still, turning)]
     np.testing.assert_array_equal(*without)
     assert np.abs(with_axis[0] - with_axis[1]).max() > 1e-3
+
+
+@pytest.mark.parametrize(("missing", "axis"), AXES)
+def test_the_expected_dcm_of_the_missing_axis_is_that_without_a_trunk(missing, axis):
+    def ends(config=DEFAULT, **axes):
+        policy = TwoStagePolicy(limits=replace(GaitLimits(), **axes), config=config)
+        return np.array([policy.plan(row).dcm_end for row in observations(6)])
+
+    found, whole, rigid = ends(**{missing: False}), ends(), ends(DEFAULT.replace(use_trunk=False))
+    np.testing.assert_array_equal(found[:, axis], rigid[:, axis])
+    np.testing.assert_array_equal(found[:, 1 - axis], whole[:, 1 - axis])
+    assert np.abs(whole - rigid)[:, axis].max() > 1e-8

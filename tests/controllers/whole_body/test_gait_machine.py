@@ -5,12 +5,15 @@ Touchdown, footholds and the CoM's lever, off heading 0 and on soles of differen
 
 import math
 
+import mujoco
 import numpy as np
 import pytest
 from push_recovery.controllers.whole_body import gait_machine
 from push_recovery.controllers.whole_body.kinematics import PELVIS, TRUNK, sole_position
-from push_recovery.controllers.whole_body.limits import LANDED_LATE, LANDED_OFF, TOUCHDOWN_ERROR
-from push_recovery.envs.biped.core import BIPED_GAIT, BIPED_LIMITS
+from push_recovery.controllers.whole_body.limits import LANDED_LATE, LANDED_OFF, TOUCHDOWN_ERROR, make_bounds
+from push_recovery.envs.biped.core import BIPED_BOUNDS, BIPED_GAIT, BIPED_LIMITS
+from push_recovery.envs.biped.posture import posture
+from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.scenario.model_errors import CONTROL_STEP
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Scenario
@@ -238,3 +241,34 @@ def test_with_the_missing_cmp_the_dcm_lands_where_stepping_in_place_has_it(stanc
     width = sign * 0.25
     goal = [0.15, width - width / (1.0 + math.exp(s.omega * 0.45))]
     np.testing.assert_allclose(cmp + growth * (dcm - cmp), goal, atol=1e-12)
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_a_step_from_two_feet_may_begin_on_the_other_one_without_a_jump(landed, stance):
+    """The CoP is on the other sole, which becomes the one that heights and yaws count from."""
+    core, old, new = landed(stance)
+    core.gait.plan[0, 3:5] = core.gait.plan[0, :2]
+    core.gait.height[0] = [0.8, 0.1, -0.2, old[2]]
+    core.gait.yaw[0] = [TURNED, 0.0, 0.0, 0.12, 0.0, 0.0, 0.0]
+    gait_machine.lift_off(core.physics, core.gait, 0)
+    assert (core.gait.stance[0], core.gait.elapsed[0]) == (1 - stance, 0.0)
+    assert core.gait.height[0, 0] + new[2] == pytest.approx(0.8 + old[2], abs=1e-12)
+    assert core.gait.heading[0] == pytest.approx(HEADING + TURNED)
+    assert core.gait.yaw[0, [0, 3]] == pytest.approx([-TURNED, 0.12 - TURNED])
+    np.testing.assert_array_equal(core.gait.swing[0, :3], old)
+    np.testing.assert_allclose(core.gait.plan[0, 3:], [0.0, 0.0, 3.0, -4.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(("ahead", "stands"), [(0.07, True), (0.09, False)])  # the hull less its margin: 0.08
+def test_it_may_stand_whatever_its_heading(robot_in, ahead, stands):
+    soles = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
+    qpos, qvel = posture(biped(), np.array([ahead, 0.0, 0.78]), np.zeros(3), soles)
+    quat, turned = np.empty(4), qpos.copy()
+    mujoco.mju_axisAngle2Quat(quat, np.array([0.0, 0.0, 1.0]), math.pi / 2)
+    mujoco.mju_mulQuat(turned[3:7], quat, qpos[3:7].copy())
+    turned[:2] = -qpos[1], qpos[0]
+    core, _ = robot_in(turned, qvel)
+    core.gait.heading[0], core.gait.stand[0] = math.pi / 2, 1.0
+    bounds = BIPED_BOUNDS._replace(cop_x_max=0.1, cop_y_max=0.05)
+    both, _memory = make_bounds(bounds, biped().motors, two_feet=True)
+    assert gait_machine.may_stand(core.physics, core.gait, 0, SETTINGS, both) is stands
