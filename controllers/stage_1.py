@@ -193,10 +193,10 @@ def solve_step_kernel(p, out):  # pragma: no cover
             if slope_right > 0.0:
                 tau = left + (right - left) * (-slope_left / (slope_right - slope_left))
                 break
-            left, slope_left = right, slope_right
             if slope_right == 0.0 and p[TAU_NOMINAL] <= right:
-                tau = right  # flat: the nominal time, if it is among the best
+                tau = p[TAU_NOMINAL] if slope_left == 0.0 else right  # flat before: nominal is among the best
                 break
+            left, slope_left = right, slope_right
     for axis in range(2):
         out[SOLVED_STEP + axis] = _best_step(p, axis, tau)
         out[SOLVED_OFFSET + axis] = p[GAIN + axis] * tau - out[SOLVED_STEP + axis]

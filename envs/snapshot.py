@@ -69,7 +69,7 @@ def take_rows(arrays: Arrays, k: int, n: int) -> Arrays:
 
 
 # Fields of the walk so far
-SAME = ("command", "stance_side", "noise_seed", "errors", "physics", "sensing", "jumps", "start")
+SAME = ("command", "stance_side", "noise_seed", "errors", "physics", "sensing", "jumps", "start", "stride")
 START, NEXT_CHANGE = "pushes.start", "schedule.next"
 STEPS, ELAPSED, PLAN = "gait.steps", "gait.elapsed", "gait.plan"
 

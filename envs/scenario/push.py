@@ -18,6 +18,7 @@ change of the floor. A new kind is one class that says which ones it is made of:
 from __future__ import annotations
 
 import math
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -526,10 +527,18 @@ def mirrored_start(start: float | GaitEvent) -> float | GaitEvent:
     return start.mirrored() if isinstance(start, GaitEvent) else start
 
 
+OTHER_SIDE = {"left": "right", "right": "left", "l": "r", "r": "l"}
+SIDE_IN_NAME = re.compile(r"left|right|(?<![a-z0-9])[lr](?![a-z0-9])", re.IGNORECASE)
+
+
 def mirrored_body(body: str) -> str:
-    """The same body on the other side."""
-    swaps = (("left", "right"), ("right", "left"))
-    return next((body.replace(*swap) for swap in swaps if swap[0] in body), body)
+    """The same body on the other side, by its name: `left`, `Left`, `LEFT`, or `l` and `L` as words of it."""
+
+    def other(side: re.Match[str]) -> str:
+        name = OTHER_SIDE[side[0].lower()]
+        return name.upper() if side[0].isupper() else name.title() if side[0].istitle() else name
+
+    return SIDE_IN_NAME.sub(other, body)
 
 
 def scaled_start(start: float | GaitEvent, scale: Similarity) -> float | GaitEvent:

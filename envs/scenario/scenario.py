@@ -72,7 +72,8 @@ SHIFT_MAX, LEAN_MAX = 0.05, 0.1  # of a start beside the nominal one [m], [rad]
 class StartOffset(JsonRecord):
     """How far a robot begins beside its nominal start, its feet where they belong: (forward, left) each.
 
-    The trunk of a pendulum leans; that of another robot does together with its pelvis.
+    The trunk of a pendulum leans; that of another robot does together with its pelvis. A robot under servos
+    of all its joints stands as these have it, and leans alone.
     """
 
     json_name, left_out = "start", None

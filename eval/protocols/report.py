@@ -36,8 +36,9 @@ def kick_note(protocol: PushProtocol) -> str:
     share = jump / math.sqrt(GRAVITY * robot.com_height)
     return (
         f"{KICK_NOTE}This robot weighs {robot.mass:.1f} kg and has its CoM at {robot.com_height:.2f} m; its "
-        f"arms, if it has any, are held. It {rest}, knows its model and its true state, and stands on "
-        f"friction 0.9. Jump over sqrt(g h): {jump:.3f} m/s is 0.33 on their G1 and {share:.2f} here.\n"
+        f"arms, if it has any, are held or the policy's own. It {rest}, on friction 0.9; its planner knows "
+        "model and true state, networks of others do not. "
+        f"Jump over sqrt(g h): {jump:.3f} m/s is 0.33 on their G1 and {share:.2f} here.\n"
     )
 
 
@@ -74,9 +75,10 @@ TOUR_NOTE = (
     "A punch of a leg acts at the same joint here, on thigh, shank or foot, one of the waist on the trunk at "
     "the waist, one of an arm on the same link of it; a robot without arms gets those on the trunk, 0.24 m "
     "over the waist and 0.10 m aside. The robot begins in a nominal "
-    "step without the three seconds in a crane, turns at 0.6 rad/s at most, knows its "
-    "model and true state, and falls by this project's criterion, which is the stricter one. Errors stand "
-    "at the ends of the segments that were begun; energy and vibration are not counted. "
+    "step without the three seconds in a crane, turns at 0.6 rad/s at most, and falls by this project's "
+    "criterion, which is the stricter one; its planner knows model and true state, networks of others do "
+    "not. "
+    "Errors stand at the ends of the segments that were begun; energy and vibration are not counted. "
 )
 
 

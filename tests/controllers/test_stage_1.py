@@ -397,3 +397,11 @@ def test_in_the_transfer_an_undisturbed_capture_step_is_nominal():
     row = plan(t, nominal_dcm(gait, t) + kappa * place, (0.2, 0.0), config, swing=place)
     np.testing.assert_allclose(row[STEP : STEP + 2], [gait.length, gait.width], atol=1e-12)
     np.testing.assert_allclose(row[OFFSET : OFFSET + 2], gait.offset, atol=1e-12)
+
+
+def test_where_no_time_is_better_the_nominal_one_is_taken():
+    """An error of nothing and no price of the time: every tau in the range costs the same."""
+    p = replace(random_problem(np.random.default_rng(1)), gain=(0.0, 0.0), alpha_duration=0.0)
+    for nominal in (2.0, 9.0, 40.0):
+        box = replace(p, tau_low=3.0, tau_high=30.0, tau_nominal=nominal)
+        assert solve_step(box).tau == min(max(nominal, 3.0), 30.0)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from push_recovery.controllers.array_table import COMMON, NO_STATE, SENSED, Floats1, Floats2, Ints1
 from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.envs.scenario.model_errors import PhysicsOptions
 from push_recovery.envs.scenario.push import GaitEvent, Push
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.scenario.scenario import Command, Scenario, StartOffset
 from push_recovery.envs.snapshot import RobotSnapshot, arrays_of, take_rows
 
 
@@ -81,3 +82,22 @@ def test_a_push_may_begin_at_the_very_moment_of_the_snapshot(start, comes):
     rows["pushes.start"][0] = 0.499
     with pytest.raises(InvalidValueError, match="push 0 of the snapshot began at"):
         snapshot.check_scenario(asked)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"stance_side": "right"},
+        {"physics": PhysicsOptions(0.001)},
+        {"start": StartOffset((0.01, 0.0))},
+        {"stride": 0.1, "command": Command(stand=True)},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_what_a_walk_began_with_must_stay(change):
+    rows = {"pushes.start": np.empty(0), "schedule.next": np.array(0)}
+    same = {"command": change["command"]} if "command" in change else {}
+    snapshot = RobotSnapshot(Scenario("a", **same), 0.5, {}, rows)
+    assert snapshot.check_scenario(Scenario("b", **same)) == []
+    with pytest.raises(InvalidValueError, match=f"must have its {next(iter(change))}"):
+        snapshot.check_scenario(Scenario("b", **change))

@@ -421,3 +421,33 @@ def test_a_beginning_forgets_what_was():
     assert not estimate.stood[1].any()
     assert estimate.spread[1] == 0.0
     assert estimate.level[1, VV] > 0.0 == estimate.level[1, TV]
+
+
+def test_tilt_and_biases_grow_unsure_with_time():
+    """In 2 ms: (4e-3 rad/s x 2 ms)^2 of tilt, and walks of 1e-4 rad/s and 1e-3 m/s^2 a root of a second."""
+    estimate = estimate_at()
+    estimate.level[0] = estimate.lift[0] = estimate.turn[0] = 0.0
+    navigate(estimate, 0, Inertial((0.0, 0.0, 0.0), (0.0, 0.0, DT * G)), DT)
+    found = [
+        estimate.level[0, base.TT],
+        estimate.level[0, BB],
+        estimate.turn[0],
+        estimate.lift[0, base.LIFT_BB],
+    ]
+    np.testing.assert_allclose(found, [6.4e-11, 2e-11, 2e-11, 2e-9], rtol=1e-9)
+
+
+def test_what_a_turned_robot_learns_is_in_the_right_axes(robot_in):
+    """A sole of a robot that faces y slides by 2 cm/s along x of the world, which is its right."""
+    qpos, qvel = posture(biped(), np.array([0.0, 0.0, 0.8]), np.zeros(3), SOLES)
+    qpos[:2], qpos[3:7] = (-qpos[1], qpos[0]), (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))
+    phys, estimate = robot_in(qpos, np.zeros_like(qvel))[0].physics, base.empty_base_estimate(1)
+    base.begin_estimate(estimate, 0, qpos[:3], qpos[3:7], np.zeros(3))
+    phys.load[0] = 300.0, 0.0
+    moving(estimate, phys, (0.02, 0.0, 0.0))
+    estimate.level[0, [VV, TV, BIAS_V]] = 9e-4, 1e-4, 2e-4
+    listen_to_soles(estimate, 0, phys, DT)
+    unit = 0.02 / (9e-4 + 0.06**2)
+    np.testing.assert_allclose(estimate.gyro_bias[0], [-2e-4 * unit, 0.0, 0.0], atol=1e-9)
+    up = rotated(tuple(estimate.attitude[0]), (0.0, 0.0, 1.0))
+    np.testing.assert_allclose(up[:2], [-1e-4 * unit, 0.0], atol=1e-8)

@@ -177,3 +177,26 @@ def test_a_turn_to_either_side_at_any_time_is_refused_where_robots_do_not_turn(t
     first, then = (Command(turn=turn) for turn in turns)
     with pytest.raises(InvalidValueError, match=r"does not turn: .* got -0\.2 in scenario 'a'"):
         PendulumEpisodes(1).begin(0, Scenario("a", command=first, changes=(CommandChange(1.0, then),)))
+
+
+def test_a_clone_counts_terms_and_measures_of_the_users():
+    def leaning(episodes):
+        return np.abs(episodes.core.state.com[:, 1])
+
+    own = PendulumEpisodes(1)
+    own.add_reward_term(leaning)
+    own.add_measure(leaning, "distance")
+    copy = own.clone(2)
+    for k in (0, 1):
+        copy.begin(k, Scenario("a"))
+    terms = copy.step(np.zeros((2, 7), np.float32)).reward.terms
+    np.testing.assert_array_equal(terms[:, -1], leaning(copy))
+    assert terms[:, -1].min() > 0.0
+    assert list(copy.more_info()) == ["distance"]
+
+
+def test_standing_has_no_step_before_it():
+    """The action before the first is that of the longest step, which a stander never ends."""
+    episodes = PendulumEpisodes(1)
+    episodes.begin(0, Scenario("a", command=Command(stand=True)))
+    assert episodes.core.previous_action[0, 2] == 1.0

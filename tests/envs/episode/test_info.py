@@ -116,3 +116,9 @@ def test_a_push_that_waits_for_its_gait_event_has_no_start():
     assert push["body"] == "pelvis"
     assert push["impulse"] == (0.0, 3.0, 4.0)
     assert not reader.of_robots(np.array([True]), np.zeros((1, 7)))["push"]["_start"].any()
+
+
+def test_a_stander_is_in_no_phase():
+    reader = written()
+    reader._episodes.core.truth[0, ELAPSED] = -1.0
+    assert reader.of_robot(0, np.zeros(7))["phase"] == 0.0

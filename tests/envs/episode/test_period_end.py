@@ -168,3 +168,24 @@ def test_a_copy_of_an_environment_goes_its_own_way():
         assert again[0].tobytes() == seen[0].tobytes()
         assert again[1:4] == seen[1:4]
         assert again[4]["reward_terms"] == seen[4]["reward_terms"]
+
+
+def test_a_stander_on_a_slope_rests_uphill_of_the_middle_and_ends_no_step():
+    """By side the middle between the feet is at (0.05, 0.1); the second robot goes 0.2 m/s aside."""
+    robots, episodes, gaits = draw(2)
+    robots.observation[:] = 0.0
+    robots.observation[:, 0], robots.observation[:, 9:11] = -1.0, (0.1, 0.2)
+    robots.observation[:, 1:3] = [[0.11, 0.07], [0.11, 0.13]]
+    robots.observation[1, 6] = 0.2
+    robots.heading[:], robots.side[:], robots.steps[:] = 0.0, (0, 1), 3
+    robots.failure[:], robots.time[:] = 0, 3.0
+    episodes.uphill[:], episodes.pushes[:], episodes.changed[:] = (0.06, 0.03), 0, 0.0
+    monitor, ends = GaitMonitor(2), np.zeros((2, 2), np.bool_)
+    table = parts_table(PeriodArrays(robots, episodes, monitor.state))
+    constants = period_constants(ROBOT, LIMITS, 0.0, 0.0)
+    end_period(table, constants, gaits, ends)
+    np.testing.assert_allclose(episodes.terms[:, REWARD_TERMS.index("dcm")], 1.0)
+    assert (monitor.recovered_at(0), monitor.recovered_at(1)) == (3.0, None)
+    robots.observation[:, 0] = 0.01  # a step has begun; none has ended since
+    end_period(table, constants, gaits, ends)
+    assert not monitor.state.touchdowns.any()

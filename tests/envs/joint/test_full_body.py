@@ -33,7 +33,7 @@ from push_recovery.envs.robots.compiled_robot import compiled_robot
 from push_recovery.envs.robots.variants import ARM, ARM_TORQUE, ARMS_HELD
 from push_recovery.envs.scenario.disturbances import Impactor, Slip
 from push_recovery.envs.scenario.push import GaitEvent, Kick, Push
-from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario
+from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario, StartOffset
 
 HOLD = Scenario("hold", duration=5.0)
 LEG = "hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll"
@@ -331,3 +331,81 @@ def test_what_laboratories_use_is_felt_alike(arms):
     assert lost > 5.0
     assert arms.core.pushes.start[0, 0] == pytest.approx(1.5 * arms.nominal(0.0, 0.0).duration)
     assert arms.more_info()["delivered"][1].tolist() == [True, False, False]
+
+
+def test_a_second_at_any_rate_and_the_command_to_the_left_count():
+    steady = FullBodyEpisodes(1, servos=servos(), control_hz=50.0)._steady
+    steady.begin(0, np.zeros(2))
+    for i in range(1, 76):
+        t = 0.02 * i
+        way, zero, command = np.array([[0.3 * t, 0.2 * t]]), np.zeros(1), np.array([[0.3, 0.2, 0.0]])
+        error = steady.look(Moment(way, zero, np.array([t]), zero, command, zero))
+    assert error[0] == pytest.approx(0.0, abs=1e-9)
+    assert steady.since[0] == pytest.approx(1.0)
+
+
+def test_a_robot_put_back_has_recovered_since_it_had():
+    episodes, rest = (
+        FullBodyEpisodes(2, servos=servos(1500.0, 30.0), control_hz=50.0),
+        np.zeros((2, 14), np.float32),
+    )
+    for k in (0, 1):
+        episodes.begin(k, HOLD)
+    for _ in range(60):
+        episodes.step(rest)
+    snapshot = episodes.state_snapshot(0)
+    episodes.begin(1, HOLD)
+    episodes.restore(1, snapshot)
+    episodes.step(rest)
+    assert episodes.monitor.state.recovered_at == pytest.approx([1.0, 1.0])
+
+
+def test_a_gait_event_of_a_scenario_to_go_on_with_comes_at_its_time():
+    episodes = FullBodyEpisodes(1, servos=servos())
+    episodes.begin(0, HOLD)
+    episodes.step(np.zeros((1, 14), np.float32))
+    push = Push((1.0, 0.0, 0.0), 0.1, GaitEvent(3, "left", 0.25))
+    episodes.restore(0, episodes.state_snapshot(0), replace(HOLD, pushes=(push,)))
+    in_place = 0.5 * (episodes.limits.duration_min + episodes.limits.duration_max)
+    assert episodes.core.pushes.start[0, 0] == pytest.approx(4.25 * in_place)
+
+
+def test_gait_events_sideways_come_sooner():
+    """A step aside at 0.2 m/s has to end while the feet have room: T + delay at most room / 0.2 m/s."""
+    episodes, event = FullBodyEpisodes(1, servos=servos()), GaitEvent(3, "left", 0.25)
+    episodes.begin(0, Scenario("e", (Push((1.0, 0.0, 0.0), 0.1, event),), Command(0.0, 0.2)))
+    box, delay = episodes.limits, episodes.touchdown_delay
+    room = min(box.width_max - 0.2, 0.2 - box.width_min) / 0.2
+    duration = 0.5 * (box.duration_min + min(box.duration_max + delay, room) - delay)
+    assert duration < 0.5 * (box.duration_min + box.duration_max)
+    assert episodes.core.pushes.start[0, 0] == pytest.approx(4.25 * duration)
+
+
+def test_the_trunks_lean_counts_too(monkeypatch):
+    leans, look = [], Steadiness.look
+    monkeypatch.setattr(
+        Steadiness, "look", lambda own, moment: leans.append(moment.lean[0]) or look(own, moment)
+    )
+    bent = Servos(("waist_pitch",), (0.5,), (600.0,), (12.0,))
+    episodes = FullBodyEpisodes(1, servos=bent, control_hz=50.0)
+    episodes.begin(0, HOLD)
+    episodes.step(np.zeros((1, len(episodes.joints)), np.float32))
+    assert leans[0] == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_full_body_begins_leaning():
+    """By 0.1 rad about (-0.8, 0.6, 0)."""
+    episodes = FullBodyEpisodes(1, servos=servos())
+    episodes.begin(0, replace(HOLD, start=StartOffset(lean=(0.06, 0.08))))
+    half = math.sin(0.05)
+    assert episodes.seen[0, QUATERNION] == pytest.approx([math.cos(0.05), -0.8 * half, 0.6 * half, 0.0])
+
+
+def test_drives_that_nobody_names(arms):
+    """300 N m/rad and a fiftieth of a second of it; of held joints 60 rad/s, critically damped."""
+    own = arms.core.servos
+    knee = own.joints.index("left_knee")
+    assert (own.stiffness[knee], own.damping[knee]) == pytest.approx((300.0, 6.0))
+    episodes = FullBodyEpisodes(1, robot=ARMS_HELD, servos=servos())
+    elbow, inertia = episodes.joints.index("left_elbow"), 0.008 + 1.2 * 0.12**2 + 0.01
+    assert episodes.core.drives.damping[elbow] == pytest.approx(2.0 * inertia * 60.0)

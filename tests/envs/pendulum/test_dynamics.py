@@ -251,3 +251,11 @@ def test_time_to_stop_is_the_first_root():
         assert np.abs(angle + rate * times + a * times**2 / 2).max() <= 1.0472 + 1e-9
         if math.isfinite(s):
             assert abs(angle + rate * s + a * s * s / 2) == pytest.approx(1.0472, abs=1e-9)
+
+
+def test_a_stander_rests_between_its_feet_until_its_first_action_arrives():
+    errors = ModelErrors(delay=0.02)
+    many = episodes([Scenario("x", (), Command(stand=True), errors=errors)])
+    for expected in ([0.0, -0.1], [0.0, -0.1], [0.05, -0.02]):
+        hold(many, (0.05, 0.02), (0.0, 0.0), LIMITS.duration_max)
+        np.testing.assert_allclose(many.core.state.cop[0], expected, atol=1e-12)

@@ -11,6 +11,7 @@ from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait, nominal_start
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.envs.pendulum.dynamics import settle
 from push_recovery.envs.pendulum.env import PendulumCore
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -374,3 +375,14 @@ def test_renders_without_a_display():
     assert first.shape == (480, 640, 3)
     assert first.dtype == np.uint8
     assert not np.array_equal(first, env.render())
+
+
+@pytest.mark.parametrize(("axis", "com"), [(0, (0.05, -0.1)), (1, (0.0, 0.0))])
+@pytest.mark.parametrize(("rate", "settles"), [(1.17, False), (-1.17, True)])
+def test_a_trunk_that_swings_on_counts_before_it_stands(axis, com, rate, settles):
+    """0.2548 m (1 - exp(-3.502 x 1.17 / 18.75)) = 5 cm; the hull ends at 8 cm ahead and 3 cm aside."""
+    core = PendulumCore(1, ROBOT, LIMITS)
+    state = core.state
+    state.lift[0], state.com[0], state.rate[0, axis] = (0.0, -0.2), com, rate
+    settle(state, 0, 1.0, core.physics)
+    assert bool(state.standing[0]) == settles

@@ -284,3 +284,13 @@ def test_a_robot_is_loaded_by_name_or_place():
         robot_description("push_recovery.nowhere:ROBOT")
     with pytest.raises(InvalidValueError, match="RobotDescription"):
         robot_description("math:pi")
+
+
+def test_ankle_axes_apart_have_no_closed_form():
+    def apart():
+        model = spec()
+        model.joint("right_ankle_roll").pos = [0.0, 0.0, 0.01]
+        return model
+
+    assert CompiledRobot(ROBOT).leg_form == MEETING_AXES
+    assert CompiledRobot(replace(ROBOT, spec=apart)).leg_form == ANY_AXES

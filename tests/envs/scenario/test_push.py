@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
 from push_recovery.envs.scenario.arrays import MARK, assign_pushes, empty_pushes
-from push_recovery.envs.scenario.push import GaitEvent, Kick, Push, polar_push
+from push_recovery.envs.scenario.push import GaitEvent, Kick, Push, mirrored_body, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 
 
@@ -182,3 +182,20 @@ def test_a_kick_has_a_row_without_a_force_after_the_pushes():
     assert pushes.force[0].tolist() == [[9.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
     assert pushes.duration[0].tolist() == [0.1, MARK]
     assert pushes.step[0].tolist() == [-1, -1]  # neither waits for a gait event
+
+
+@pytest.mark.parametrize(
+    ("body", "other"),
+    [
+        ("left_foot", "right_foot"),
+        ("link:Left_Elbow_Pitch", "link:Right_Elbow_Pitch"),
+        ("link:L_ELBOW_P", "link:R_ELBOW_P"),
+        ("link:l_sho_pitch", "link:r_sho_pitch"),
+        ("link:arm_LEFT", "link:arm_RIGHT"),
+        ("pelvis", "pelvis"),
+        ("link:roll_l2", "link:roll_l2"),
+    ],
+)
+def test_the_body_on_the_other_side_by_any_convention_of_names(body, other):
+    assert mirrored_body(body) == other
+    assert mirrored_body(other) == body
