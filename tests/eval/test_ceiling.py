@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
@@ -235,3 +235,23 @@ def test_the_report_and_the_command_tell_the_same(found, tmp_path, capsys):
 def test_bad_input_is_one_line(words, message, capsys):
     assert main(["ceiling", *words]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_means_and_medians_are_told_apart_and_pushes_that_never_come_are_left_out(tmp_path):
+    """42 of 72 neighbours recover; in the median 18 of 24."""
+    found = hand_written()
+    found.searched[:] = [
+        {"recovered": True, "attempts": a, "neighbours": n} for a, n in ((64, 24), (128, 18), (1280, 0))
+    ]
+    text = stored.search_lines(found)
+    for part in ("Median 128", "recovers 58%", "75% in the median", "2 of 3 answers"):
+        assert part in text
+    config = {"format": 1, "ceiling": asdict(SETTINGS), "suite": {"name": "h"}}
+    (tmp_path / "config.json").write_text(json.dumps(config))
+    base = dict.fromkeys(stored.FIELDS)
+    rows = [
+        {**base, "scenario_id": "a", "period": 3, "corrections": [[0.0] * 7]},
+        {**base, "scenario_id": "b"},
+    ]
+    (tmp_path / "outcomes.jsonl").write_text("".join(json.dumps(one) + "\n" for one in rows))
+    assert list(stored.Answers.of_searches(tmp_path).sequences) == ["a"]

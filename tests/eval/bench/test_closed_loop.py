@@ -97,3 +97,16 @@ def test_a_batch_is_timed_part_by_part_for_each_robot(monkeypatch):
     timing = closed_loop.time_batch(POLICY, 2, 1)
     assert (timing.robots, timing.threads, timing.period) == (2, 1, pytest.approx(0.01))
     assert (timing.physics, timing.plan, timing.core) == pytest.approx((500.0, 1000.0, 2000.0))
+
+
+def test_rates_beside_the_humanoid_are_simulated_over_wall_time(monkeypatch):
+    """64 robots x 6 periods of 10 ms in 1 ms; 60 steps of 15 ms, each 1 ms."""
+    monkeypatch.setattr(closed_loop, "advance", lambda *_: None)
+    monkeypatch.setattr(closed_loop, "time", clock(1000.0))
+    assert closed_loop._bipeds(SimpleNamespace(substeps=5), None) == pytest.approx(3840.0)
+    monkeypatch.setattr(closed_loop, "time", clock(500.0, 1000.0))
+    env = SimpleNamespace(
+        action_space=SimpleNamespace(sample=lambda: 0), reset=closed_loop.time.perf_counter_ns,
+        step=lambda action: (0, 0, False, False, {}), unwrapped=SimpleNamespace(dt=0.015),
+    )  # fmt: skip
+    assert closed_loop._humanoid(env) == pytest.approx(15.0)

@@ -3,6 +3,7 @@
 import base64
 import re
 import shutil
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from push_recovery.controllers.whole_body.kinematics import sole_position
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.play.scene import Replay, overlays_of
+from push_recovery.eval.play.scene import PushArrow, Replay, overlays_of
 from push_recovery.eval.play.session import Lane, push_now
 from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.policy_source import acting_in
@@ -164,3 +165,9 @@ def test_only_a_biped_is_replayed_in_3d(tmp_path, capsys):
     argv = ["play", "--env", "PushRecovery/Pendulum-v0", "--out", str(tmp_path / "push.html")]
     assert main(argv) == 2
     assert "only bipeds" in capsys.readouterr().err
+
+
+def test_an_arrow_ends_at_the_pelvis_and_points_where_it_was_pushed():
+    arrow = PushArrow(MagicMock(), "x", (1, 2, 3))
+    arrow.show_at(np.array([1.0, 2.0, 0.9]), (20.0, 0.0), 60.0)
+    np.testing.assert_allclose(arrow._arrow.points, [[[0.6, 2.0, 1.0], [0.8, 2.0, 1.0]]])

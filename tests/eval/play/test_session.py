@@ -1,6 +1,7 @@
 """Drags against projections by hand, and sessions against rollouts of the scenarios that they have become."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -359,3 +360,26 @@ def test_ctrl_c_is_the_way_to_end_a_play_and_no_error(monkeypatch, capsys):
     told = capsys.readouterr()
     assert "drag it and let go, or press space; Ctrl-C ends" in told.out.splitlines()
     assert "error" not in told.err
+
+
+def test_kinds_and_words_hold_what_is_documented():
+    lane = SimpleNamespace(
+        time=1.0,
+        period=0.01,
+        mass=60.0,
+        steps=3,
+        stands=False,
+        rows=[{"heading": 0.2}],
+        scenario=Scenario("x"),
+    )
+    by_hand = play.ByHand(np.array([18.0, 24.0]), "trunk", lane)
+    made = {kind: make(by_hand) for kind, make in play.KINDS.items()}
+    assert made["weight pull"].mass == pytest.approx(30.0 / (9.81 * 0.5))
+    assert made["waist pull"].travel == pytest.approx(0.06)
+    slip, trip = made["slip"], made["trip"]
+    assert (slip.side, slip.friction, slip.start, slip.duration) == ("right", 0.05, 1.01, 0.4)
+    assert (trip.start.step, trip.start.side, trip.force) == (4, "left", 150.0)
+    fell = SimpleNamespace(
+        over=True, given=["push"], time=2.35, push_start=1.1, info={"failure_reason": "com_height"}
+    )
+    assert status_words(fell).startswith("fell 1.25 s after the push")

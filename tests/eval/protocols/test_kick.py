@@ -1,9 +1,20 @@
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from push_recovery.controllers.whole_body.kinematics import TRUNK
+from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.protocols.kick import BEYOND, FORCES, Measures, every_kick, jump_of, kick_scenarios
+from push_recovery.eval.protocols.kick import (
+    BEYOND,
+    FORCES,
+    KickWatcher,
+    Measures,
+    every_kick,
+    jump_of,
+    kick_scenarios,
+)
 from push_recovery.eval.rollout.outcome import Ending, Outcome
 from push_recovery.eval.score.suites import get_suite
 
@@ -82,3 +93,18 @@ def test_time_to_stable_and_tilt_count_from_the_kick():
 )
 def test_fallen_by_height_or_tilt(height, tilt, fell, stood):
     assert measured((2.1, height, 0.2, tilt), (3.0, 0.79, 0.0, 0.0), fell=fell)["stood"] is stood
+
+
+def test_a_watcher_takes_linear_speed_and_the_trunks_tilt_from_the_push_on():
+    """sqrt(3) x 0.1 = 0.173 m/s is too fast, 0.139 is not; of the tilt 0.3 rad = 17.2 degrees count."""
+    state = SimpleNamespace(qpos=np.zeros((1, 7)), qvel=np.zeros((1, 6)), xmat=np.zeros((1, 20, 9)))
+    core = SimpleNamespace(gait=SimpleNamespace(time=np.zeros(1)), true_state=lambda k: state)
+    state.qpos[0, 2], watcher = 0.79, KickWatcher()
+    watcher.begin(core, 0, Scenario("k", (polar_push(100.0, 0.0, 0.1, 2.0),)))
+    for time, speed, spin, tilt in ((1.0, 0.0, 0.0, 0.5), (2.1, 0.1, 0.0, 0.3), (2.5, 0.08, 9.0, 0.1)):
+        core.gait.time[0], state.qvel[0] = time, [speed] * 3 + [spin] * 3
+        state.xmat[0] = np.eye(3).ravel()
+        state.xmat[0, TRUNK, 8] = math.cos(tilt)
+        watcher.look(core, 0)
+    told = watcher.end(core, 0, Outcome.of(Scenario("k"), "p", Ending(False, 10.0, None, None, 0.0), 1000))
+    assert told == {"stood": True, "time_to_stable": 0.5, "peak_tilt_deg": pytest.approx(17.1887)}

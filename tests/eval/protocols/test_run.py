@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import pytest
+from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL
@@ -12,7 +13,15 @@ from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.tables import markdown_page
 from push_recovery.eval.protocols import run as running
 from push_recovery.eval.protocols.kick import LEVELS, kick_scenarios
-from push_recovery.eval.protocols.report import level_of, result_tables, tour_summary, tour_table
+from push_recovery.eval.protocols.report import (
+    kick_note,
+    kick_summary,
+    level_of,
+    result_tables,
+    tour_note,
+    tour_summary,
+    tour_table,
+)
 from push_recovery.eval.protocols.run import PushProtocol, Results, run_watched
 from push_recovery.eval.protocols.tour import tour_scenario
 from push_recovery.eval.rollout.workers import Runner
@@ -81,7 +90,7 @@ def test_bodies_collide_unless_they_are_told_not_to_and_robots_stand_where_they_
     assert main([*argv, str(tmp_path / "a"), "--stand"]) == 0
     report = (tmp_path / "a" / "report.md").read_text()
     assert "1 episodes a level, bodies collide, robots at rest stand. Share" in report
-    assert "It stands, knows" in report
+    assert "It stands, on friction" in report
     assert main([*argv, str(tmp_path / "b"), "--no-collisions"]) == 0
     report = (tmp_path / "b" / "report.md").read_text()
     assert "1 episodes a level. Share" in report
@@ -139,3 +148,32 @@ def test_the_table_of_tour_weighs_every_segment_alike(tmp_path):
     cells = tour_table(Results(protocol, BIPED, {"mine": rows}, tmp_path)).rows
     assert cells[0] == ("mine", "2", "50.0 %", "9.5-90.5", "60.0", "25.0", "3.0")
     assert cells[1][:3] == ("gr00t_wbc h066_p012 (published)", "5120", "80/69 %")
+
+
+def test_rows_of_the_same_kicks_on_another_robot_are_not_mixed(monkeypatch, tmp_path):
+    def rows(env_id, task, jobs, workers, sources):
+        for _, label, scenarios in jobs:
+            yield [{"policy": label, "scenario_id": scenario.id, "recovered": True, "survived": True,
+                    "failure_reason": None, "end_time": 10.0} for scenario in scenarios]  # fmt: skip
+
+    monkeypatch.setattr(running, "parallel", rows)
+    plain = PushProtocol("kick", "stated", ROBOT, kick_scenarios("stated", 1)[50])
+    running.run_protocol(plain, BIPED, ["two-stage"], directory=tmp_path)
+    with pytest.raises(InvalidValueError, match="differs in: protocol"):
+        running.run_protocol(plain.with_collisions(), BIPED, ["two-stage"], directory=tmp_path)
+
+
+def test_summaries_and_notes_hold_their_numbers():
+    """Wilson of 1 of 3; 0.857 / sqrt(9.81 x 0.8); forces for 60 kg in place of 35.112 kg."""
+    told = [{}, {"stood": False, "time_to_stable": 1.0},
+            {"stood": False, "survived": False, "time_to_stable": 3.0}]  # fmt: skip
+    (level,) = kick_summary([kick_row(50, **changes) for changes in told]).values()
+    names = ("episodes", "stood", "survived", "recovered", "time_to_stable")
+    assert [level[name] for name in names] == [3, 1, 2, 0, 1.5]
+    assert level["ci95"] == pytest.approx([0.0615, 0.7923], abs=1e-4)
+    kick, tour = (PushProtocol(name, "stated", ROBOT, ()) for name in ("kick", "tour"))
+    assert "0.857 m/s is 0.33 on their G1 and 0.31 here" in kick_note(kick)
+    assert "up to 854 N for 0.08 s" in tour_note(tour)
+    small = tour_note(replace(tour, robot=RobotModel(com_height=0.2)))
+    assert "published forces, up to 500 N" in small
+    assert "up to 0.25 and aside at 0.10 m/s" in small

@@ -4,6 +4,7 @@ import dataclasses
 import math
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from push_recovery.controllers.policies.mlp import Mlp, Normalisation
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.record import corrections
+from push_recovery.eval.record.record import EpisodeRecord
 from push_recovery.eval.record.words import sector_of
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.policy_source import acting_in
@@ -126,3 +128,17 @@ def test_the_command_tells_it(constant, tmp_path):
     assert page.read_text() in done.stdout
     written = {path.name for path in (tmp_path / "out").iterdir()}
     assert written == {f"{page.stem}.{kind}" for kind in ("md", "png", "svg")}
+
+
+@pytest.mark.parametrize(("side", "sign"), [(0, -1.0), (1, 1.0)])
+@pytest.mark.parametrize(("frame", "psi"), [("heading", 90.0), ("world", 90.0 - math.degrees(0.3))])
+def test_to_the_left_is_inward_on_the_left_foot_and_steps_count_from_the_push_on(side, sign, frame, psi):
+    columns = {"time": np.arange(7) * 0.1, "step": np.array([3.0, 3, 3, 4, 4, 5, 5]),
+               "heading": np.full(7, 0.3), "stance_side": np.full(7, float(side))}  # fmt: skip
+    push = polar_push(200.0, math.radians(90.0), 0.1, 0.15, frame=frame)
+    episode = EpisodeRecord(
+        Scenario("x", (push,)), SimpleNamespace(recovered=True), columns, {}, {}, (0.2, 0.1), (0.15,), 60.0
+    )
+    one = corrections.corrections_of(episode, np.arange(6.0)[:, None] * np.ones(7), False)
+    assert one.psi == pytest.approx(sign * psi)
+    assert one.corrections[:, 0].tolist() == [1.5, 3.5, 5.0]

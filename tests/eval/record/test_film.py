@@ -192,3 +192,22 @@ def test_a_sheet_has_a_row_for_each_policy():
     assert picture.width == pytest.approx(900)
     assert (first[-60:-30, -60:-30] < 250).all()  # the last moment of the first
     assert (second[-60:-30, -60:-30] > 250).all()  # the second had fallen before it
+
+
+def test_a_film_is_half_as_fast_in_frames_and_as_fast_in_time_as_a_gif(monkeypatch, tmp_path):
+    """Seven frames of 25 a second: every second one, each for 80 ms."""
+    frames = [np.full((24, 32, 3), grey, np.uint8) for grey in range(0, 280, 40)]
+    monkeypatch.setattr(films, "side_by_side", lambda *_: frames)
+    monkeypatch.setattr(films, "mp4_bytes", lambda frames, rate: b"")
+    films.write_pair([], tmp_path / "x")
+    gif = Image.open(tmp_path / "x.gif")
+    assert (gif.n_frames, gif.info["duration"]) == (4, 80)
+
+
+def test_a_sheet_is_stretched_over_several_pushes():
+    """Pushed at 1 and 5 s: 2 s become 6 s."""
+    seen = shot(end=9.0, starts=(1.0, 5.0), recovered_at=7.0)
+    seen.frames = [np.full((48, 64, 3), round(20 * time), np.uint8) for time in seen.times]
+    picture, (width, height) = np.asarray(Image.open(io.BytesIO(films.strip(seen)))), films.STRIP_PANEL
+    row, columns = films.LINE + height // 2, [c * (width + films.GAP) + width // 2 for c in range(6)]
+    assert picture[row, columns, 0].tolist() == pytest.approx([23, 35, 50, 68, 98, 140], abs=1)

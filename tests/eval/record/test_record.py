@@ -237,3 +237,17 @@ def test_an_episode_in_one_line_counts_from_its_last_push():
         ({"recovered_at": 1.4}, "52.8 N s to the right: recovered after 0.0 s"),
     ):
         assert wording.describe({**told, **changed}) == words
+
+
+def test_contacts_rates_and_planned_cop(shoved, episode):
+    """A foot in the air has no contact, the other has one; rates are derivatives; the CoP is as asked."""
+    for side, other in (("left", "right"), ("right", "left")):
+        up = shoved[f"{side}_sole_z"] > 0.02
+        assert up.sum() > 20
+        assert not shoved[f"{side}_contact"][up].any()
+        assert shoved[f"{other}_contact"][up].min() == 1.0
+    for axis in ("pitch", "roll"):
+        rate = np.gradient(shoved[f"trunk_{axis}"], shoved["time"])[1:-1]
+        np.testing.assert_allclose(shoved[f"trunk_{axis}_rate"][1:-1], rate, atol=0.05)
+    off = episode.points("planned_cop")[:-1] - episode.points("cop")[1:]
+    assert np.nanmedian(np.abs(off)) < 1e-9

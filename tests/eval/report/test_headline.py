@@ -206,3 +206,8 @@ def test_the_profile_falls_where_fewer_strata_are_recovered():
 
 def numbers(text: str) -> list[float]:
     return [float(number) for number in re.findall(r"[\d.]+", text)]
+
+
+def test_quarters_are_ranks_of_the_impulses_in_any_order_of_pushes():
+    rows = [{"impulse": impulse, "psi_deg": 0.0} for impulse in (3.0, 1.0, 4.0, 2.0)]
+    assert headline.strata_of(rows).tolist() == [2, 0, 3, 1]

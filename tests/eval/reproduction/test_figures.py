@@ -207,3 +207,8 @@ def test_fonts_are_legible_in_print(figures, tmp_path):
         labels = figures[0].findobj(lambda artist: hasattr(artist, "get_fontsize"))
         assert min(text.get_fontsize() for text in labels) >= 9.0
     assert figures[0].get_size_inches()[0] <= style.WIDTH
+
+
+def test_the_arrow_of_a_push_ends_where_it_acts():
+    tail, tip = pictures._push_arrow(walk())
+    assert (*tail, *tip) == pytest.approx((1.3, 0.12, 1.3, -0.1))

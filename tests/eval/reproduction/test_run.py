@@ -169,3 +169,8 @@ def test_the_command_writes_its_report(tmp_path, capsys):
     assert text.count("<table") > 1
     names = re.findall(r'(?:href|src)="([^"]*)"', text)
     assert all(name.startswith(("#", "data:")) for name in names)
+
+
+def test_pushes_come_before_jumps():
+    changed = {**CONTENT, "jump_overview": {"two-stage": {"fraction_mean": 0.9, "fraction_worst": 0.8}}}
+    assert "| two-stage | 0.980 | 0.970 | 0.900 | 0.800 |" in page(changed, TABLES)

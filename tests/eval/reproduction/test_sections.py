@@ -212,3 +212,52 @@ def test_rows_of_other_code_are_refused(small, tmp_path, capsys):
     (tmp_path / "config.json").write_text('{"reproduce": "other"}')
     assert main(["reproduce", "limits", "--workers", "1", "--out", str(tmp_path)]) == 2
     assert "holds results of another configuration" in capsys.readouterr().err
+
+
+def test_tables_of_scenario_1_hold_each_number_in_its_column():
+    case = {"parameter": "l_p [m]", "value": "0.2", "recovers_315_N": True, "max_force_N": 70.0,
+            "limit_N": 640.0, "point_foot_limit_N": 316.0}  # fmt: skip
+    sway = {"beta_3": 0.01, "max_force_N": 390.0, "peak_lean_within_1_s": 0.5, "peak_lean": 0.7,
+            "final_lean": 0.2}  # fmt: skip
+    tables = scenarios.tables_1({
+        "scenario_1": {"a": {"recovers_315_N": False, "max_force_N": 60.0}},
+        "scenario_1_limits_N": {"F*": 641.47},
+        "scenario_1_interval": {"a": {"max_force_N": [50.0, 70.0], "cases": [case]}},
+        "scenario_1_together": {"a": {"none": {"combinations": 9, "survived": 7, "recovered": 5}}},
+        "scenario_1_sway": [sway],
+    })  # fmt: skip
+    assert [list(table.rows) for table in tables] == [
+        [("a", "no", "60"), ("limit: F*", "", "641.5")],
+        [("l_p [m]", "0.2", "yes", "70", "316", "640")],
+        [("a", "none", "9", "7", "5")],
+        [("0.01", "390", "0.50", "0.70", "0.20")],
+    ]
+
+
+def test_differences_of_either_sign_and_the_worst_share_are_told(monkeypatch):
+    """A program 5 N below the closed form, one without an answer; shares of 1/2 but for one of 1/4."""
+    monkeypatch.setattr(studies, "CHECKED", 2)
+    jobs = list(studies.limit_jobs(2))
+    rows = {}
+    for job in jobs:
+        cut, options = studies.KINDS[job.kind]
+        rows[key(job)] = {"strength": studies.PushKind(job.psi_deg, cut).limit(Variant("x"), **options)}
+    rows[key(jobs[0])]["strength"] -= 5.0
+    rows[key(jobs[1])]["strength"] = None
+    first = studies.limit_summary(rows, 2)["limits"]["program"][0]
+    assert (first["largest_difference"], first["unsolved"]) == (pytest.approx(5.0), 1)
+    monkeypatch.setattr(studies, "sweeps", lambda: (studies.robot_sweep("foot_width", (0.10,)),))
+
+    def share(job):
+        return (0.25 if job.push.psi_deg == 90 else 0.5) * job.push.limit(job.variant)
+
+    content = studies.ablation_summary(rows_of(studies.ablation_jobs(1), share), 1)
+    assert studies.ablation_tables(content)[0].rows[0][-2:] == ("0.450", "0.250")  # (4 x 0.5 + 0.25) / 5
+
+
+def test_overwriting_leaves_no_section_or_picture_of_before(small, tmp_path):
+    (tmp_path / "reproduction.json").write_text('{"scenario_2": {}}')
+    (tmp_path / "fig3_paths.png").touch()
+    reproduce("limits", 1, directory=tmp_path, overwrite=True)
+    assert set(json.loads((tmp_path / "reproduction.json").read_text())) == {"limits"}
+    assert not (tmp_path / "fig3_paths.png").exists()

@@ -5,6 +5,7 @@ unless its ankles are asked to push back as its base leans.
 """
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -131,3 +132,23 @@ def test_the_command_prints_fields_and_verdicts(stander, capsys, tmp_path):
     assert '"verdict": "works"' in capsys.readouterr().out
     assert main(["policy", "inspect", given.name, "--set", "timing.policy_dt=0.003"]) == 2
     assert "timing.policy_dt of policy" in capsys.readouterr().err
+
+
+def test_speeds_are_means_in_the_axes_of_the_heading_from_three_seconds_on(monkeypatch):
+    """0.4 m/s on a circle of 0.8 m to the left; the chord of 7 s is 1.6 sin(1.75)."""
+
+    def walked(env, policy, scenario, name, look):
+        for t in np.arange(1001) * 0.01:
+            a = 0.5 * t
+            gait = SimpleNamespace(time=np.array([t]), heading=np.array([np.arctan2(np.sin(a), np.cos(a))]))
+            com = np.array([[0.8 * np.sin(a), 0.8 * (1.0 - np.cos(a))]])
+            look(SimpleNamespace(episodes=SimpleNamespace(core=SimpleNamespace(gait=gait, com=com))))
+        return SimpleNamespace(survived=True, end_time=10.0)
+
+    monkeypatch.setattr(policy_check, "rollout", walked)
+    monkeypatch.setattr(policy_check, "Contender", lambda *_: None)
+    env = SimpleNamespace(unwrapped=SimpleNamespace(episodes=None))
+    monkeypatch.setattr(Controls, "_env", lambda *_: env)
+    found = Controls("biped").run(None, Command(0.4, turn=0.5), 10.0)
+    assert found.velocity == pytest.approx((0.4, 0.0), abs=2e-3)
+    assert (found.turn, found.drift) == pytest.approx((0.5, 1.6 * np.sin(1.75)), abs=1e-6)

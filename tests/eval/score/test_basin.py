@@ -1,6 +1,7 @@
 """The N-step capture basin: theory against simulated states, and what the pendulum needs."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from push_recovery.controllers.model.capturability import n_step_offset, recover
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.score.basin import Basin, Grid, basin_table
 
 ROBOT = RobotModel()
 LIMITS = GaitLimits.of(ROBOT)
@@ -101,3 +103,11 @@ def test_the_pendulum_takes_no_step_fewer_than_theory_and_is_caught_where_it_say
     assert (tmp_path / "outcomes.jsonl").read_text() == before
     assert "N-step capture basin, 25 points" in capsys.readouterr().out
     assert (tmp_path / "basin.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_points_are_counted_by_their_steps():
+    found = Basin(
+        "E", Grid((0.0, 1.0, 2.0), (0.0, 1.0)), [[0, 1, 2], [4, None, 1]],
+        {"p": [[0, 2, 1], [5, 3, None]]}, Path(),
+    )  # fmt: skip
+    assert basin_table(found).rows == [("closed form", *"1210110"), ("p", *"1111111")]

@@ -364,3 +364,31 @@ def test_a_grid_is_no_larger_than_the_largest_force():
     assert FrontierSettings("env", 4000.0).grid == 4000.0
     with pytest.raises(InvalidValueError, match="grid"):
         FrontierSettings("env", 4000.5)
+
+
+def test_cells_of_replicas():
+    """p is 1, 1, 1/2, 1/2, 0, linear between: J95 and J50 at 110 and 300 N for 0.1 s."""
+    one = {"policy": "p", "psi_deg": 0.0, "forces_N": [100.0, 200.0, 300.0, 400.0],
+           "recovered": ["11", "10", "01", "00"], "falls": []}  # fmt: skip
+    found = scans.Frontier(
+        FrontierSettings("env", replicas=2), {"p": [one]},
+        {0.0: limits.DirectionLimits(400.0, 200.0, 125.0, 280.0)}, Path(), 60.0,
+        {"p": {"forces_N": [0.0], "recovered": ["11"]}},
+    )  # fmt: skip
+    ((_, _, j95, j50, first, islands),) = report.replicas_table(found).rows
+    assert (j95[:4], j95[-4:], j50[:4], j50[-4:]) == ("11 (", "0.18", "30 (", "0.50")
+    assert (first, islands) == ("200", "300 (1)")
+    cell = report.frontier_table(found).rows[0][4]
+    assert (cell[:7], cell[-6:]) == ("140 (0 ", " 0.50)")
+
+
+@pytest.mark.parametrize("change", [{"grid": 50.0}, {"duration": 0.2}])
+def test_rows_of_another_question_are_not_mixed(monkeypatch, tmp_path, change):
+    def rows(env_id, task, jobs, workers, sources):
+        return ({**row(job.psi_deg, 100.0, 100.0), "policy": job.policy, "failed_N": []} for job in jobs)
+
+    monkeypatch.setattr(scans, "parallel", rows)
+    settings = FrontierSettings(toy.ENV_ID, 20.0)
+    scans.frontier(settings, ["passive"], 4, directory=tmp_path)
+    with pytest.raises(InvalidValueError, match="differs in: frontier"):
+        scans.frontier(replace(settings, **change), ["passive"], 4, directory=tmp_path)
