@@ -352,7 +352,7 @@ class Run:
         return f"curve {first.recovered:.0%} -> {newest.recovered:.0%}"
 
     def checkpoint(self) -> None:
-        """Write OUT/checkpoints/<timesteps> whole, then drop all but the newest two."""
+        """Write OUT/checkpoints/<timesteps> whole, then drop later ones and all but the newest two."""
         final = self.out / CHECKPOINTS / f"{self.timesteps:012d}"
         for left in final.parent.glob(".*.tmp"):  # by a kill, or on a full disk
             shutil.rmtree(left, ignore_errors=True)
@@ -370,7 +370,9 @@ class Run:
         shutil.rmtree(final, ignore_errors=True)
         os.replace(temporary, final)
         sync_names(final.parent)
-        for old in find_checkpoints(self.out)[:-KEPT_CHECKPOINTS]:
+        found = find_checkpoints(self.out)
+        given_up = [one for one in found if one.name > final.name]  # of a run that went on from an older one
+        for old in (*given_up, *found[: len(found) - len(given_up)][:-KEPT_CHECKPOINTS]):
             shutil.rmtree(old, ignore_errors=True)
 
     def close(self) -> None:

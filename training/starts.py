@@ -252,17 +252,22 @@ def total_impulse(scenario: Scenario) -> float:
 
 
 def pushes_from(scenario: Scenario, walk: RobotSnapshot, start: float) -> tuple[Push, ...]:
-    """The pushes of a scenario in a walk: the first at `start` [s], the others as many steps later.
+    """The pushes of a scenario in a walk: the first at `start` [s], the others as long after it as there.
 
     Raises:
-        ValueError: a later push is not at a moment of the gait.
+        ValueError: some pushes are at times, others at moments of the gait.
     """
     first, *later = scenario.pushes
-    events = [push.start for push in scenario.pushes if isinstance(push.start, GaitEvent)]
-    steps = [event.step_index(scenario.stance_side) for event in events]
     pushes = [replace(first, start=start)]
-    for push, event, step in zip(later, events[1:], steps[1:], strict=True):
-        index = int(walk.rows[STEPS].item()) + step - steps[0]
-        moved = GaitEvent(index, walk.scenario.side_of_step(index), event.fraction)
+    for push in later:
+        then, now = first.start, push.start
+        if isinstance(now, GaitEvent) != isinstance(then, GaitEvent):
+            raise ValueError(f"pushes of {scenario.id!r} are at times and at moments of the gait")
+        if isinstance(now, GaitEvent) and isinstance(then, GaitEvent):
+            passed = now.step_index(scenario.stance_side) - then.step_index(scenario.stance_side)
+            index = int(walk.rows[STEPS].item()) + passed
+            moved: float | GaitEvent = GaitEvent(index, walk.scenario.side_of_step(index), now.fraction)
+        else:
+            moved = start + now - then  # type: ignore[operator]
         pushes.append(replace(push, start=moved))
     return tuple(pushes)

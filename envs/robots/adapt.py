@@ -118,7 +118,7 @@ CAPSULE: dict[str, Any] = {"type": mujoco.mjtGeom.mjGEOM_CAPSULE, "material": "p
 def add_feet(spec: mujoco.MjSpec, robot: RobotFile) -> None:
     """Give both legs a sole that touches floor and other foot, and a shank that touches the other leg.
 
-    The shank is a capsule from knee to ankle, nine tenths as long as the way between them.
+    The shank is a capsule from knee to ankle, eight tenths as long as the way between them.
     """
     for side, leg, sole in zip(SIDES, robot.plan.legs, robot.soles, strict=True):
         foot, knee = spec.joint(leg[5]).parent, spec.joint(leg[3])

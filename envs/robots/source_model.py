@@ -127,12 +127,15 @@ class SourceModel:
         for actuator in np.flatnonzero(np.isin(model.actuator_trntype, kinds)).tolist():
             if model.actuator_trnid[actuator, 0] != joint:
                 continue
+            bounds = []
             if model.actuator_forcelimited[actuator]:
-                force = model.actuator_forcerange[actuator]
-            elif self._is_motor(actuator) and model.actuator_ctrllimited[actuator]:
-                force = model.actuator_gainprm[actuator, 0] * model.actuator_ctrlrange[actuator]
-            else:
+                bounds.append(model.actuator_forcerange[actuator])
+            if self._is_motor(actuator) and model.actuator_ctrllimited[actuator]:
+                control = model.actuator_gainprm[actuator, 0] * model.actuator_ctrlrange[actuator]
+                bounds.append(np.sort(control))
+            if not bounds:
                 return None
+            force = np.array([max(low for low, _ in bounds), min(high for _, high in bounds)])
             own = np.sort(model.actuator_gear[actuator, 0] * force)
             total = own if total is None else total + own
         return total

@@ -84,20 +84,22 @@ class Play(EnvOptions, PushOptions):
         """A robot that walks as a scenario says, and gets its first push at the press of a key."""
         print("plays until Ctrl-C; the robot is loaded first, a few seconds", flush=True)
         from ..play import browser, desktop, gate
-        from ..play.session import Session
+        from ..play.session import FirstPush, Session
         from ..rollout.environments import policy_names_for
 
-        pushes = scenario.pushes or (polar_push(0.0, 0.0, self.duration, 0.0),)
-        impulse = pushes[0].impulse_magnitude, math.degrees(pushes[0].direction)
+        push, *_ = scenario.pushes or (polar_push(0.0, 0.0, self.duration, 0.0, self.body),)
+        # only these two are pushed by hand
+        body: Literal["trunk", "pelvis"] = "trunk" if push.body == "trunk" else "pelvis"
+        first = FirstPush(push.impulse_magnitude, math.degrees(push.direction), body)
         if self.viewer == "mujoco":
-            desktop.play_in_window(lambda: Session(self.env_id, self.policy, self.beside, scenario), impulse)
+            desktop.play_in_window(lambda: Session(self.env_id, self.policy, self.beside, scenario), first)
             return
         browser.require_play()
         session = Session(self.env_id, self.policy, self.beside, scenario)
         names = dict.fromkeys(
             [self.policy, *filter(None, [self.beside]), *policy_names_for(session.first.env)]
         )
-        browser.play(session, list(names), gate.Gate(self.host, self.token), self.port, impulse)
+        browser.play(session, list(names), gate.Gate(self.host, self.token), self.port, first)
 
     def _scenario(self) -> Scenario:
         """The scenario named, or the frontier's push with the options' force and direction."""

@@ -57,12 +57,12 @@ class SuiteOptions(options.EnvOptions, options.ErrorOptions, options.RunningOpti
 
             require_imageio()
 
-    def make_films(self, evaluation: Any) -> None:
+    def make_films(self, evaluation: Any, policies: Sequence[Any]) -> None:
         """Write the films asked for, and say where they are."""
         if self.film is not None:
             from ..record.film import FOLDER, film_discordant
 
-            paths = film_discordant(evaluation, self.films)
+            paths = film_discordant(evaluation, self.films, policies)
             if paths and not self.json:
                 print(f"films: {evaluation.directory / FOLDER}")
 
@@ -127,7 +127,7 @@ class Evaluate(SuiteOptions):
         content = {"profiles": objects} if several else next(iter(objects.values()))
         self.show(content, filter(None, [table]), lines)
         for one in found.values():
-            self.make_films(one)
+            self.make_films(one, policies)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,7 +149,7 @@ class Compare(SuiteOptions, options.RobotOptions):
         page = self.write_page("compare", {self.profile: found.evaluation}, found.directory, ("a", "b"))
         outcomes = f"outcomes: {found.directory / 'outcomes.jsonl'}"
         self.show(found.to_dict(), [report.comparison_table(found)], [outcomes, *page])
-        self.make_films(found.evaluation)
+        self.make_films(found.evaluation, (a, b))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -76,7 +76,8 @@ def _git(folder: Path, *words: str) -> str | None:
 
 
 LOCK = ".lock"
-OF_ROWS = re.compile(r"(report.*|compare-.*|index|profiles.*)\.(html|json|md)")  # names of what tells of rows
+# Names of what tells of rows
+OF_ROWS = re.compile(r"(report.*|compare-.*|index|profiles.*|frontier.*|basin.*)\.(html|json|md|png|svg)")
 PATIENCE = 0.1  # with a lock that is being released [s]
 
 

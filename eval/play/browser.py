@@ -18,6 +18,7 @@ from .session import (
     CLICK,
     IMPULSE_MAX,
     KINDS,
+    FirstPush,
     Session,
     answer_words,
     dragged_impulse,
@@ -42,13 +43,10 @@ Do = Callable[[Callable[[], object]], None]  # has something done between two pl
 class Panel:
     """Everything that is not the scene.
 
-    `do` hands an action to the loop that runs the session; `impulse` is the first choice of size [N s] and
-    direction, counter-clockwise from forward [deg].
+    `do` hands an action to the loop that runs the session; `first` is the push that it offers at first.
     """
 
-    def __init__(
-        self, server: Any, session: Session, policies: Sequence[str], do: Do, impulse: tuple[float, float]
-    ):
+    def __init__(self, server: Any, session: Session, policies: Sequence[str], do: Do, first: FirstPush):
         self._session, self._do, gui = session, do, server.gui
         self._status = gui.add_markdown("")
         gui.add_html(SMALL.format(HOW))
@@ -57,14 +55,14 @@ class Panel:
         with gui.add_folder("Push"):
             self._kind = gui.add_dropdown("kind", tuple(KINDS), hint=HOW_MUCH)
             self._size = gui.add_slider(
-                "impulse [N s]", 0.0, IMPULSE_MAX / 2, 0.5, min(impulse[0], IMPULSE_MAX / 2),
+                "impulse [N s]", 0.0, IMPULSE_MAX / 2, 0.5, min(first.impulse, IMPULSE_MAX / 2),
                 hint="A push acts for 0.1 s as a constant force.",
             )  # fmt: skip
             self._psi = gui.add_slider(
-                "direction [deg]", -180, 180, 1, round(impulse[1]),
+                "direction [deg]", -180, 180, 1, round(first.psi),
                 hint="0 is forward at the start of the walk, 90 to the left, -90 to the right.",
             )  # fmt: skip
-            self._body = gui.add_dropdown("on the", ("pelvis", "trunk"))
+            self._body = gui.add_dropdown("on the", ("pelvis", "trunk"), initial_value=first.body)
             self._button(gui, "Push", "space", self._push)
             self._button(gui, "Replay the last push", "R", self._replay)
         with gui.add_folder("Walk"):
@@ -158,9 +156,9 @@ AIMED = (245, 95, 85)  # colour of the arrow of a drag; the pointer has an orang
 
 
 class App:
-    """One session and everybody who looks at it; `impulse` is as for `Panel`."""
+    """One session and everybody who looks at it; `first` is as for `Panel`."""
 
-    def __init__(self, session: Session, server: Any, policies: Sequence[str], impulse: tuple[float, float]):
+    def __init__(self, session: Session, server: Any, policies: Sequence[str], first: FirstPush):
         self.session, self.server = session, server
         self._actions: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
         self.do: Do = self._actions.put
@@ -171,7 +169,7 @@ class App:
         self._ground = Ground(server)
         self._robots: list[RobotView] = []
         self.aimed, self.given = PushArrow(server, f"{GROUND}/aimed", AIMED), self._ground.given
-        self.panel = Panel(server, session, policies, self.do, impulse)
+        self.panel = Panel(server, session, policies, self.do, first)
         with server.gui.add_folder("Charts of the first robot"):
             self.charts = StripCharts(server)
         self._frames, self._pelvis = 0, np.zeros(3)
@@ -282,26 +280,22 @@ def require_play() -> None:
             raise MissingExtraError(package, "play")
 
 
-def open_app(
-    session: Session, policies: Sequence[str], gate: Gate, port: int, impulse: tuple[float, float]
-) -> App:
+def open_app(session: Session, policies: Sequence[str], gate: Gate, port: int, first: FirstPush) -> App:
     """A session behind a gate, at the next port that is free; it does not move until it is run."""
     server = open_server(gate, port)
     try:
-        return App(session, server, policies, impulse)
+        return App(session, server, policies, first)
     except BaseException:
         server.stop()
         raise
 
 
-def play(
-    session: Session, policies: Sequence[str], gate: Gate, port: int, impulse: tuple[float, float]
-) -> None:
+def play(session: Session, policies: Sequence[str], gate: Gate, port: int, first: FirstPush) -> None:
     """Say where to look, and play until Ctrl-C."""
     description = session.first.episodes.core.body.description
     if description.looks is not None:
         print(f"reading the meshes of {description.name}, which takes some seconds", flush=True)
-    app = open_app(session, policies, gate, port, impulse)
+    app = open_app(session, policies, gate, port, first)
     try:
         print(f"the robot walks at {gate.address(app.server.get_port())}", flush=True)
         print("drag it and let go, or press space; Ctrl-C ends", flush=True)

@@ -13,7 +13,8 @@ import numpy as np
 
 from ...controllers.errors import PushRecoveryError
 from ...envs.biped.view import add_markers, set_posture
-from .session import CLICK, Session, floor_impulse, polar_impulse, status_words
+from ...envs.scenario.push import Body
+from .session import CLICK, FirstPush, Session, floor_impulse, polar_impulse, status_words
 
 FRAME = 1.0 / 60.0  # [s]
 KEYS = "space: push, S: stand or step at rest, R: replay, P: pause, F: one period, N: start anew, -/=: speed"
@@ -21,20 +22,21 @@ SLOWER = 0.5  # of the speed, a key press
 
 
 class Desktop:
-    """Keys and mouse of a window that act on a session; `impulse` of a key: size [N s], direction [deg]."""
+    """Keys and mouse of a window that act on a session; `first` is the push of a key."""
 
-    def __init__(self, session: Session, impulse: tuple[float, float]):
-        self.session, self._impulse = session, polar_impulse(*impulse)
+    def __init__(self, session: Session, first: FirstPush):
+        self.session, self._impulse, self._body = session, polar_impulse(first.impulse, first.psi), first.body
         self._keys: list[int] = []
         self.key = self._keys.append  # a key that is pressed is answered between two planning periods
         self._way: np.ndarray | None = None  # of the mouse, while it drags a body [m]
+        self._held: Body = "pelvis"  # what it drags
         self._last_words = ""
 
     def answer_keys(self) -> None:
         """Do what the keys say; those without a meaning are left."""
         session = self.session
         actions: dict[str, Callable[[], object]] = {
-            " ": lambda: session.push(self._impulse), "R": session.replay, "N": session.restart,
+            " ": lambda: session.push(self._impulse, self._body), "R": session.replay, "N": session.restart,
             "P": session.pause_or_go_on, "F": session.step_once, "-": lambda: session.faster(SLOWER),
             "=": lambda: session.faster(1.0 / SLOWER), "S": lambda: session.stand_at_rest(not session.stands),
         }  # fmt: skip
@@ -49,10 +51,12 @@ class Desktop:
             turn = data.xmat[perturb.select].reshape(3, 3)
             grabbed = data.xpos[perturb.select] + turn @ perturb.localpos
             self._way = np.array(perturb.refselpos - grabbed)[:2]
+            trunk = self.session.first.episodes.core.body.indices.trunk
+            self._held = "trunk" if perturb.select == trunk else "pelvis"
         elif self._way is not None:
             impulse, self._way = floor_impulse(self._way), None
             if np.hypot(*impulse) >= CLICK:
-                self._try(lambda: self.session.push(impulse))
+                self._try(lambda: self.session.push(impulse, self._held))
 
     def report(self) -> None:
         """Print a line where the robot has recovered or fallen."""
@@ -68,7 +72,7 @@ class Desktop:
             print(f"not done: {error}", flush=True)
 
 
-def play_in_window(make: Callable[[], Session], impulse: tuple[float, float]) -> None:
+def play_in_window(make: Callable[[], Session], first: FirstPush) -> None:
     """Open a window on a session, where there is a display, and play until it is closed."""
     from ...envs.rendering import require_display
 
@@ -76,7 +80,7 @@ def play_in_window(make: Callable[[], Session], impulse: tuple[float, float]) ->
     from mujoco import viewer
 
     session = make()
-    desktop, core = Desktop(session, impulse), session.first.episodes.core
+    desktop, core = Desktop(session, first), session.first.episodes.core
     model, data = core.body.picture, mujoco.MjData(core.body.picture)
     print(KEYS, flush=True)
     with viewer.launch_passive(

@@ -8,7 +8,7 @@ from the start, bit for bit, whoever gave the pushes.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +25,7 @@ from ...envs.snapshot import RobotSnapshot
 from ..record.record import LIMIT, Array, Recorder, gait_episodes
 from ..record.words import impulse_words
 from ..rollout.environments import make_env_for
-from ..rollout.episodes import begin_policy
+from ..rollout.episodes import action_rule, begin_policy
 from ..rollout.outcome import reason_words
 from ..rollout.policy_source import policy_sources
 from ..rollout.strategy import StrategyMeter
@@ -74,6 +74,14 @@ def push_now(impulse: ArrayLike, time: float, body: str = "pelvis") -> Push:
     """The push of an impulse (2,) [N s] from a time on [s]: the force J / DURATION."""
     x, y = (float(part) / DURATION for part in np.asarray(impulse, np.float64))
     return Push((x, y, 0.0), DURATION, time, body)
+
+
+class FirstPush(NamedTuple):
+    """The push that a session offers at first."""
+
+    impulse: float  # size [N s]
+    psi: float  # direction, counter-clockwise from forward [deg]
+    body: Body = "pelvis"
 
 
 @dataclass(frozen=True)
@@ -190,6 +198,12 @@ class Lane:
     def __init__(self, env_id: str, policy: str, start: Scenario = ON_THE_SPOT):
         source = policy_sources(policy)[policy]  # a name of a policy that ships stands for its file
         made = make_env_for(source.origin, env_id)
+        rule = action_rule(made)
+        if rule is None or rule.residual is not None or rule.hold != 1:
+            made.close()
+            raise InvalidValueError(
+                f"only plain actions are played with, and those of {env_id} are corrections"
+            )
         self.name = policy
         self._start = replace(start, id=NAME, pushes=(), changes=(), duration=LONGEST)
         self.policy = source.load(made)

@@ -89,6 +89,7 @@ def every_kick(form: str) -> tuple[Scenario, ...]:
 LOWEST = 0.30 / 0.79  # height of the pelvis at which it counts as fallen, share of that in which it stands
 STEEPEST = 1.2  # tilt of the trunk at which it does [rad]
 STILL = 0.15  # speed of the base below which it counts as stable [m/s]
+ON_GRID = 1e-9  # within which a period begins with a disturbance [s]
 UPRIGHT = 8  # entry of a body's rotation matrix: the cosine of its tilt
 
 
@@ -100,10 +101,11 @@ class KickWatcher:
 
     def begin(self, core: BipedCore, k: int, scenario: Scenario) -> None:
         """Robot k has begun a scenario with one kick or one push at a time."""
-        starts = [kick.start for kick in scenario.kicks] + [push.start for push in scenario.pushes]
-        times = [start for start in starts if not isinstance(start, GaitEvent)]
+        spans = [(kick.start, 0.0) for kick in scenario.kicks]
+        spans += [(push.start, push.duration) for push in scenario.pushes]
+        times = [(start, duration) for start, duration in spans if not isinstance(start, GaitEvent)]
         standing = float(core.true_state(k).qpos[k, 2])
-        self._episodes[k] = Measures(min(times, default=math.inf), standing)
+        self._episodes[k] = Measures(*min(times, default=(math.inf, 0.0)), standing)
 
     def look(self, core: BipedCore, k: int) -> None:
         """Take in where robot k is."""
@@ -121,18 +123,23 @@ class KickWatcher:
 
 
 class Measures:
-    """Measures of an episode: the disturbance comes at `start` [s], the pelvis stands `standing` high [m]."""
+    """Measures of an episode: a disturbance at `start` of a `duration` [s], a pelvis `standing` high [m].
 
-    def __init__(self, start: float, standing: float):
-        self._start, self._standing = start, standing
+    It acts from the first period on that begins at its start or later, so a moment counts as stable after it
+    only where a whole period lies between.
+    """
+
+    def __init__(self, start: float, duration: float, standing: float):
+        self._start, self._over, self._last, self._standing = start, start + duration, 0.0, standing
         self._lowest, self._steepest, self._tilt, self._stable = standing, 0.0, 0.0, math.nan
 
     def take(self, time: float, height: float, speed: float, tilt: float) -> None:
         """Count one moment: [s], [m], [m/s], [rad]."""
         self._lowest, self._steepest = min(self._lowest, height), max(self._steepest, tilt)
+        after, self._last = self._last >= self._over - ON_GRID, time
         if time > self._start:
             self._tilt = max(self._tilt, tilt)
-            if math.isnan(self._stable) and speed < STILL:
+            if after and math.isnan(self._stable) and speed < STILL:
                 self._stable = time
 
     def entries(self, outcome: Outcome) -> dict[str, Any]:

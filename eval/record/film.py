@@ -18,7 +18,7 @@ from ...envs.biped.view import COP_COLOUR, DCM_COLOUR, FOOTHOLD_COLOUR, PUSH_COL
 from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, about, progress_bars, say
 from ..rollout.episodes import GymRobot, planning_period, rollout
-from ..rollout.policy_source import acting_in
+from ..rollout.policy_source import acting_in, policy_sources
 from ..score.evaluate import Evaluation
 from .words import EpisodeWords
 
@@ -247,7 +247,7 @@ BEFORE, LONGEST = 0.4, 3.2  # seen before the first push began and at most after
 LINGER = 0.6  # seen after all is decided [s]
 
 
-def shoot(env_id: str, policy: str, scenario: Scenario, rate: float) -> Shot:
+def shoot(env_id: str, policy: Any, scenario: Scenario, rate: float) -> Shot:
     """Run a scenario before a camera, at so many frames per simulated second.
 
     Raises:
@@ -376,8 +376,10 @@ def disagreements(evaluation: Evaluation) -> list[Disagreement]:
     return [found for found in chain.from_iterable(zip_longest(*turns.values())) if found is not None]
 
 
-def film_discordant(evaluation: Evaluation, count: int) -> list[Path]:
+def film_discordant(evaluation: Evaluation, count: int, policies: Any = ()) -> list[Path]:
     """Film at most `count` of the pushes on which the policies disagree, as GIF and mp4; returns the paths.
+
+    `policies` are what was scored, for those that their names alone do not say.
 
     Raises:
         PushRecoveryError: nothing can be drawn here.
@@ -389,10 +391,12 @@ def film_discordant(evaluation: Evaluation, count: int) -> list[Path]:
         say(Work(what, about(0.0)))
         return []
     folder.mkdir(parents=True, exist_ok=True)
+    scored = {name: {name: source.origin} for name, source in policy_sources(policies).items()}
     work = Work(what, about(SECONDS * len(chosen)), folder)
     with progress_bars([FOLDER], len(chosen), work) as bars:
-        for done, (index, scenario, policies) in enumerate(chosen):
-            shots = [shoot(evaluation.env_id, policy, scenario, RATE / SLOW) for policy in policies]
+        for done, (index, scenario, names) in enumerate(chosen):
+            acting = [scored.get(name, name) for name in names]
+            shots = [shoot(evaluation.env_id, policy, scenario, RATE / SLOW) for policy in acting]
             paths += write_pair(shots, folder / film_name(index, scenario.id))
             bars.set(FOLDER, done + 1)
     return paths

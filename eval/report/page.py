@@ -47,7 +47,7 @@ class Command:
         A question about policies by name, and one that comes later, has a page of its own.
         """
         if len(self.words) > 1:
-            return f"{file_stem('-'.join(self.words))}.html"
+            return f"{self.words[0]}-{stem_or_hash(self.words[1:], self.text)}.html"
         path = directory / PAGE
         asked = ASKED.search(path.read_text(encoding="utf-8")) if path.is_file() else None
         if asked is None or html.unescape(asked[1]) == self.text:

@@ -230,7 +230,9 @@ def preset_digest(env_id: str) -> dict[str, str]:
 def robot_of(env_id: str) -> tuple[str, Similarity]:
     """Name of an environment's robot, and its size against the one that suites are written for."""
     name = EnvName.parse(env_id)
-    if not (name.module or name.robot) and name.label.startswith(OF_REFERENCE):
+    spec = gym.registry.get(name.id)
+    own = name.module or name.robot or (spec and spec.kwargs.get("robot"))
+    if not own and name.label.startswith(OF_REFERENCE):
         return "biped", SAME
     return _robot_of(env_id, *preset_digest(env_id).items())
 

@@ -52,7 +52,7 @@ class PolicySource:
         return not self.in_memory or _pickled(self.origin) is not None
 
     def digest(self) -> str | None:
-        """SHA-256 of the policy's content; None for a name, and for an object that can't be pickled.
+        """SHA-256 of the policy's content; None for a planner by its name, and where nothing can be pickled.
 
         Of a file: its weights and description. Of MODULE:ATTRIBUTE: the module's source. Of sampling MPC,
         which is not among the code of `code_digest`: its own. Of an object: its pickle and its class's
@@ -70,8 +70,10 @@ class PolicySource:
             content = self.origin.encode() + b"\0" + source_of(import_attribute(self.origin)[0])
         elif self.origin == sampling_mpc.NAME:
             content = sampling_mpc.sampling_mpc_source()
-        else:
+        elif self.origin == self.label:
             return None
+        else:  # rows of a label don't say which planner it stands for
+            content = b"name\0" + self.origin.encode()
         return hashlib.sha256(content).hexdigest()
 
     @property

@@ -20,7 +20,7 @@ from .evaluate import Comparison, Evaluation, limit_summary, limits_met
 
 Evaluations = Mapping[str, Evaluation]  # by profile, the first one what the others are held against
 RECOVERED_NOTE = (
-    "Recovered: no fall until 4 s after the last push; over the last two steps DCM offset within 5 cm "
+    "Recovered: no fall until {}; over the last two steps DCM offset within 5 cm "
     "of nominal and mean velocity within 0.15 m/s of the command. Intervals: Wilson, 95 %."
 )
 TURNED_NOTE = (
@@ -261,6 +261,15 @@ def origin_columns(evaluation: Evaluation) -> tuple[dict[str, dict[str, str]], s
     return {name: cells for name, (cells, _) in known.items()}, " ".join(note for _, note in known.values())
 
 
+def recovered_note(evaluation: Evaluation) -> str:
+    """What recovered means, with the times after the last push at which a suite's scenarios end."""
+    times = [scenario.settle_time for scenario in evaluation.suite.scenarios if scenario.duration is None]
+    if not times:
+        return RECOVERED_NOTE.format("the end")
+    ends = " to ".join(dict.fromkeys(f"{time:.3g}" for time in (min(times), max(times))))
+    return RECOVERED_NOTE.format(f"{ends} s after the last push")
+
+
 def rates_table(evaluation: Evaluation) -> Table:
     """Recovered and survived of each policy, and where it comes from."""
     lines, (origins, origin_note) = [], origin_columns(evaluation)
@@ -270,7 +279,7 @@ def rates_table(evaluation: Evaluation) -> Table:
         own = (cells[name] for cells in origins.values())
         lines.append((name, f"{score.recovered}/{score.episodes}", *rate_cells(score), *counts, *own))
     columns = ("policy", "recovered", "rate", "95 % interval", "survived", "turned", "bent", *origins)
-    note = f"{RECOVERED_NOTE} {TURNED_NOTE} {origin_note}".strip()
+    note = f"{recovered_note(evaluation)} {TURNED_NOTE} {origin_note}".strip()
     return Table(evaluation_title(evaluation), columns, lines, note)
 
 
@@ -430,7 +439,8 @@ def profiles_table(evaluations: Evaluations) -> Table:
             cells += *rates, *count_cells(one.turned, one.bent)
         lines.append((policy, *cells))
     headings = (text for name in evaluations for text in (f"recovered, {name}", "survived", "turned", "bent"))
-    return Table(evaluation_title(first), ("policy", *headings), lines, f"{RECOVERED_NOTE} {TURNED_NOTE}")
+    note = f"{recovered_note(first)} {TURNED_NOTE}"
+    return Table(evaluation_title(first), ("policy", *headings), lines, note)
 
 
 def kept_table(a: Evaluation, b: Evaluation, title: str) -> Table:

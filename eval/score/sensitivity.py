@@ -12,9 +12,11 @@ from typing import Any
 from ...controllers.errors import InvalidValueError
 from ...controllers.validation import require_choice, require_integer
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors, PhysicsOptions
-from ...envs.scenario.scenario import EXACT, HARDWARE, ONBOARD, Profile
+from ...envs.scenario.scenario import EXACT, HARDWARE, ONBOARD, PROFILES, Profile
 from ..output.statistics import PairedCounts
 from ..output.tables import Table, markdown_page, write_reports
+from ..rollout import DEFAULT_ENV
+from ..rollout.environments import profile_on
 from ..rollout.outcome import Score
 from .evaluate import Evaluation, evaluate
 from .suites import Suite
@@ -126,16 +128,20 @@ def sample_of(suite: Suite, count: int) -> Suite:
     return Suite(f"{suite.name}-{count}", suite.version, scenarios)
 
 
-def varied_by(suite: Suite, variations: Sequence[str]) -> Suite:
-    """The scenarios of a suite under each variation, EXACT first, with ids of their own."""
+def varied_by(suite: Suite, variations: Sequence[str], env_id: str = DEFAULT_ENV) -> Suite:
+    """The scenarios of a suite under each variation, EXACT first, with ids of their own.
+
+    Profiles are of the size of the environment's robot.
+    """
     for name in variations:
         require_choice("variation", name, list(VARIATIONS))
     if variations[0] != EXACT.name or len(set(variations)) < len(variations):
         raise InvalidValueError(
             f"variations must be distinct and begin with {EXACT.name!r}, got {', '.join(variations)}"
         )
+    found = {name: profile_on(env_id, name) if name in PROFILES else VARIATIONS[name] for name in variations}
     scenarios = tuple(
-        replace(VARIATIONS[name].applied(scenario), id=f"{scenario.id}/{name}")
+        replace(found[name].applied(scenario), id=f"{scenario.id}/{name}")
         for name in variations
         for scenario in suite.scenarios
     )
@@ -161,7 +167,7 @@ def sensitivity(
         PushRecoveryError: as `evaluate`, `sample_of` and `varied_by`.
     """
     names = (EXACT.name, *(name for name in variations if name != EXACT.name))
-    pushes = varied_by(sample_of(suite, count), names)
+    pushes = varied_by(sample_of(suite, count), names, env_id)
     evaluation = evaluate(pushes, env_id, policies, workers, directory, overwrite)
     return Sensitivity(suite, count, names, evaluation)
 

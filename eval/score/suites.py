@@ -122,13 +122,18 @@ def with_errors(suite: Suite, errors: ModelErrors) -> Suite:
             f"suite {suite.name!r} has model errors already: scenario {taken[0].id!r} has "
             f"{taken[0].errors.to_dict()}"
         )
-    values = {
-        name: ",".join(map(str, value)) if isinstance(value, list) else value
-        for name, value in errors.to_dict().items()
-    }
+    values = {name: _value_words(value) for name, value in errors.to_dict().items()}
     label = "+".join(f"{name}={value}" for name, value in values.items())
     scenarios = tuple(replace(scenario, errors=errors) for scenario in suite.scenarios)
     return Suite(f"{suite.name}+{label}", suite.version, scenarios)
+
+
+def _value_words(value: Any) -> Any:
+    """A value of model errors in the name of a suite; of a terrain its kind and a hash of all of it."""
+    if isinstance(value, dict):
+        whole = json.dumps(value, sort_keys=True).encode()
+        return f"{value['kind']}-{hashlib.sha256(whole).hexdigest()[:8]}".replace(" ", "-")
+    return ",".join(map(str, value)) if isinstance(value, list) else value
 
 
 def with_profile(suite: Suite, profile: Profile) -> Suite:

@@ -78,3 +78,12 @@ def test_least_distance_reports_infeasible_rows():
     problem.upper[1] = 3.0  # and recovers
     assert solve_least_distance(problem.handle) > 0
     np.testing.assert_allclose(problem.x, [1.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_multipliers_are_of_the_rows_as_given(solver, side):
+    """min x^2/2 - 3 x, |2 x| <= 1: x = 1/2 and x - 3 + 2 dual = 0."""
+    one, row = np.ones(1), np.array([[2.0]])
+    found = solve_qp(QuadraticProgram(np.eye(1), -3.0 * side * one, row, -one, one, 0.0 * one), solver)
+    assert (found.x[0], found.dual[0]) == pytest.approx((0.5 * side, 1.25 * side), abs=1e-6)

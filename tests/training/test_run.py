@@ -503,3 +503,11 @@ def test_a_checkpoint_of_a_later_format_is_refused(tmp_path):
 def test_a_run_begins_as_no_policy_of_other_inputs_or_another_environment(settings, first, change, words):
     with pytest.raises(InvalidValueError, match=words):
         initial_policy(dataclasses.replace(settings, initial=str(first), **change), None)
+
+
+def test_later_checkpoints_are_given_up_with_the_part_of_the_run(tmp_path, training_run_settings):
+    out = tmp_path / "run"
+    train(training_run_settings, out)
+    assert [one.name for one in find_checkpoints(out)] == ["000000000768", "000000001024"]
+    resume(find_checkpoints(out)[0], 768)
+    assert load_checkpoint(out).timesteps == 768

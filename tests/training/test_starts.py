@@ -13,11 +13,12 @@ from push_recovery.envs.joint.env import JointResidualEpisodes
 from push_recovery.envs.scenario.distribution import PushDistribution
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
-from push_recovery.eval.score.kinds import SuiteDistribution
+from push_recovery.eval.score.kinds import DRAWS, SuiteDistribution
 from push_recovery.training.starts import (
     DIRECTIONS,
     EARLIEST,
     LATEST,
+    STEPS,
     PushStarts,
     ResetStarts,
     SuccessTable,
@@ -396,5 +397,16 @@ def test_a_direction_a_hair_right_of_forward_is_in_the_last_eighth():
 
 def test_a_later_push_at_a_time_does_not_get_lost():
     pushes = polar_push(1.0, 0.0, 0.1, GaitEvent(2, "left", 0.5)), polar_push(1.0, 0.0, 0.1, 3.0)
-    with pytest.raises(ValueError, match="zip"):
+    with pytest.raises(ValueError, match="at times and at moments of the gait"):
         pushes_from(Scenario("x", pushes), SimpleNamespace(rows={"gait.steps": np.array(7)}), 2.0)
+
+
+def test_pushes_at_times_keep_their_pauses():
+    point = np.full(12, 0.5)
+    point[5] = 0.9  # repeated
+    scenario = DRAWS["standing"].scenario("s", point, 0)
+    walk = SimpleNamespace(time=2.0, rows={STEPS: np.array(0)}, scenario=scenario)
+    found = [push.start for push in pushes_from(scenario, walk, 2.005)]
+    assert len(found) == 4
+    assert found[0] == 2.005
+    assert np.diff(found) == pytest.approx(np.diff([push.start for push in scenario.pushes]))

@@ -272,3 +272,24 @@ def test_it_may_stand_whatever_its_heading(robot_in, ahead, stands):
     bounds = BIPED_BOUNDS._replace(cop_x_max=0.1, cop_y_max=0.05)
     both, _memory = make_bounds(bounds, biped().motors, two_feet=True)
     assert gait_machine.may_stand(core.physics, core.gait, 0, SETTINGS, both) is stands
+
+
+@pytest.mark.parametrize(
+    ("com", "dcm", "stands"),
+    [
+        ((0.0, 0.0), (0.07, 0.0), True),
+        ((0.0, 0.0), (0.09, 0.0), False),
+        ((0.05, 0.0), (-0.04, 0.0), True),
+        ((0.0, 0.05), (0.0, 0.14), False),
+        ((0.0, 0.05), (0.0, -0.04), True),
+    ],
+)
+def test_it_may_stand_where_its_dcm_is_over_the_feet(robot_in, com, dcm, stands):
+    """Soles of 0.2 x 0.1 m, 0.2 m apart, less 2 cm."""
+    soles = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
+    velocity = SETTINGS.omega * np.subtract(dcm, com)
+    core, _ = robot_in(*posture(biped(), np.array([*com, 0.78]), np.array([*velocity, 0.0]), soles))
+    core.gait.stand[0] = 1.0
+    bounds = BIPED_BOUNDS._replace(cop_x_max=0.1, cop_y_max=0.05)
+    both, _memory = make_bounds(bounds, biped().motors, two_feet=True)
+    assert gait_machine.may_stand(core.physics, core.gait, 0, SETTINGS, both) is stands

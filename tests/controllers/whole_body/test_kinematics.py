@@ -258,3 +258,11 @@ def test_a_deviation_changes_its_own_task_by_one(random_state, robot_in, stance)
         ])  # fmt: skip
         np.testing.assert_allclose(tasks, np.eye(TASKS), atol=1e-8)
         np.testing.assert_allclose(J @ qdd, 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("last", [1e-9, -1e-9])
+def test_a_singular_leg_has_finite_rates(last):
+    matrix, inverse = np.diag([1.0, 2.0, 4.0, 5.0, 10.0, last]), np.empty((6, 6))
+    kinematics.invert_6(matrix, inverse)
+    expected = np.diag([1.0, 0.5, 0.25, 0.2, 0.1, np.sign(last) * 1e6])
+    np.testing.assert_allclose(inverse, expected, rtol=1e-12)

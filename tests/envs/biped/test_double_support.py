@@ -153,3 +153,16 @@ def test_targets_of_joints_know_no_double_support():
         r"apollo, berkeley, biped, default, g1, jvrc1, op3, paper, t1$",
     ):
         BipedJointEnv(preset=PRESET)
+
+
+def test_a_cop_of_double_support_does_not_outlast_it(env):
+    """5 ms of it are left: three physics steps of 2 ms begin before its end, two after it."""
+    env.reset(options={"scenario": Scenario("x", duration=1.0)})
+    core, cops = env.core, []
+    core.gait.elapsed[0] = D - 0.005
+    core.after_physics_step = lambda: cops.append(core.gait.plan[0, 4])
+    env.step(np.ones(7, np.float32))  # the outer edge of the other sole
+    core.after_physics_step = None
+    half = env.limits.cop_y_max
+    assert min(cops[:3]) > 0.15 + half
+    assert cops[3:] == pytest.approx([half, half])

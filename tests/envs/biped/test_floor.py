@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.settings import preset_config
+from push_recovery.controllers.whole_body.kinematics import FOOT_BODY
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.floor import BEHIND, SENDS, TAKEN, WAY_SIZE, FootholdPlanner, KnownFloor, Stance
@@ -299,3 +300,30 @@ def test_the_line_of_the_other_foot_turns_with_the_sole():
     FOOTHOLDS.begin_step(EDGE, way, Stance(0, 0.0, 0.0, 0.0, math.pi / 4, 0.2, 0.2))
     assert way[7] == 1  # intervals
     assert way[8:10] == pytest.approx([BIPED_LIMITS.length_min, 0.295], abs=1e-9)
+
+
+def test_the_way_gone_counts_along_a_turned_sole():
+    """0.03 x 0.8 + 0.04 x 0.6 = 0.048 m of 0.2 m/s x 0.5 s."""
+    way, yaw = np.zeros(WAY_SIZE), math.atan2(0.6, 0.8)
+    FOOTHOLDS.begin_step(EDGE, way, Stance(0, 0.0, 0.0, 0.0, yaw, 0.2, 0.2))
+    FOOTHOLDS.begin_step(EDGE, way, Stance(1, 0.5, 0.03, 0.04, yaw, 0.2, 0.2))
+    assert way[BEHIND] == pytest.approx(0.052)
+
+
+@pytest.mark.parametrize("speed", [0.2, -0.2])
+def test_a_robot_is_no_more_than_40_cm_behind(speed):
+    way = np.zeros(WAY_SIZE)
+    FOOTHOLDS.begin_step(EDGE, way, standing(speed=speed))
+    FOOTHOLDS.begin_step(EDGE, way, standing(time=5.0, leg=1, speed=speed))
+    assert way[BEHIND] == pytest.approx(math.copysign(0.4, speed))
+
+
+@pytest.mark.parametrize(("side", "leg", "rise"), [("left", 0, 0.1), ("right", 1, 0.0)])
+def test_the_rise_is_that_under_the_foothold_of_a_turned_sole(biped_core, begin, side, leg, rise):
+    """Facing the world's left, 0.4 m to the swing side of a left foot is x = 0.4, over the edge at 0.25."""
+    core, errors = biped_core(), ModelErrors(terrain=EDGE.parts[0], floor_known=True)
+    plan = begin(core, 0, Scenario("a", stance_side=side, errors=errors))
+    core.physics.xmat[0, FOOT_BODY[leg]] = 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0
+    core.gait.plan[0, :2], core.gait.elapsed[0] = (0.0, 0.4), core.gait.plan[0, 2]  # committed
+    core._on_footholds(plan[None])
+    assert core.gait.rise[0] == pytest.approx(rise)

@@ -262,3 +262,26 @@ def test_thighs_of_robots_that_exist_meet_when_legs_cross(name, thighs, hips):
     assert pair in meetings(solid, crossed[7:])
     assert pair not in meetings(body.model, crossed[7:])
     assert set(range(solid.nmesh)) <= set(solid.geom_dataid.tolist())  # no mesh that nothing collides with
+
+
+def test_a_shank_is_a_capsule_over_the_middle_eight_tenths_between_knee_and_ankle(compiled):
+    """0.36 m: from 0.036 to 0.324 m below the knee, 0.08 x 0.36 m thick."""
+    for side in ("left", "right"):
+        capsule = compiled().model.geom(f"{side}_shank_capsule")
+        assert capsule.size[:2] == pytest.approx([0.0288, 0.144])
+        assert capsule.pos == pytest.approx([0.0, 0.0, -0.18])
+
+
+def test_the_ankle_is_as_high_over_a_leaning_sole_as_across_it(compiled):
+    turn, centre = (np.cos(0.15), 0.0, np.sin(0.15), 0.0), np.empty(3)  # 0.3 rad about y
+    mujoco.mju_rotVecQuat(centre, np.array([0.0, 0.0, -0.06]), np.array(turn))
+    sole = Sole(tuple(centre), (0.2, 0.1), turn)
+    assert compiled(soles=(sole, sole)).ankle_height == pytest.approx(0.06)
+
+
+def test_its_contacts_stops_and_physics_are_the_bipeds(compiled):
+    theirs, ours = compiled().model, biped().model
+    for name in ("pair_friction", "pair_solref", "pair_solimp", "pair_dim", "jnt_solref"):
+        np.testing.assert_array_equal(getattr(theirs, name), getattr(ours, name), err_msg=name)
+    for name in ("integrator", "cone", "solver", "timestep"):
+        assert getattr(theirs.opt, name) == getattr(ours.opt, name)

@@ -27,6 +27,7 @@ from push_recovery.envs.robots.variants import (
     LEGS_BELOW_A_YAW,
     NO_WAIST_ROLL,
     VARIANTS,
+    pitch_roll_yaw_hips,
 )
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import Push
@@ -294,3 +295,37 @@ def test_ankle_axes_apart_have_no_closed_form():
 
     assert CompiledRobot(ROBOT).leg_form == MEETING_AXES
     assert CompiledRobot(replace(ROBOT, spec=apart)).leg_form == ANY_AXES
+
+
+@pytest.mark.parametrize("part", ["shank", "foot", "sole", "thigh", "one leg"])
+def test_legs_that_are_not_plumb_or_not_alike_have_no_closed_form(part):
+    """2 cm ahead of the joint above, or one thigh 1 cm shorter."""
+
+    def changed():
+        model = spec()
+        for side, y in (("left", 0.1), ("right", -0.1)):
+            if part == "sole":
+                model.site(f"{side}_sole").pos = [0.02, 0.0, -0.06]
+            elif part == "thigh":
+                model.body(f"{side}_thigh").pos = [0.02, y, -0.05]
+            elif part != "one leg":
+                model.body(f"{side}_{part}").pos = [0.02, 0.0, -0.36]
+            elif side == "left":
+                model.body("left_shank").pos = [0.0, 0.0, -0.35]
+        return model
+
+    robot = CompiledRobot(replace(ROBOT, spec=changed))
+    assert leg_geometry(robot.model, robot.indices) is None
+
+
+def test_a_posture_beyond_the_range_of_a_knee_is_none():
+    def stiff():
+        model = pitch_roll_yaw_hips()
+        for side in ("left", "right"):
+            model.joint(f"{side}_knee").range = [2.0, 20.0]  # [degrees]
+        return model
+
+    robot = CompiledRobot(replace(HIPS_PITCH_ROLL_YAW, spec=stiff))
+    soles = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
+    with pytest.raises(InvalidValueError, match="no posture"):
+        posture(robot, np.array([0.0, 0.0, 0.75]), np.zeros(3), soles)

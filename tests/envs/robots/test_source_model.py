@@ -192,6 +192,9 @@ def test_joints_and_bodies_may_have_any_names(file_of, plain):
         ('<position joint="left_knee" kp="5" forcerange="-40 40" gear="2"/>', 80.0),
         ('<position joint="left_knee" kp="5" ctrlrange="-1 1"/>', 200.0),  # the joint's own bound
         ('<motor joint="left_knee" forcerange="-500 500"/>', 200.0),
+        ('<motor jointinparent="left_knee" forcerange="-40 40"/>', 40.0),
+        ('<motor joint="left_knee" gear="88" ctrlrange="-1 1" forcerange="-88 88"/>', 88.0),
+        ('<motor joint="left_knee" ctrlrange="-50 50" forcerange="-100 100"/>', 50.0),
         ('<motor joint="left_knee" ctrlrange="-90 30"/>', 30.0),  # both ways
         ('<motor joint="left_knee" ctrlrange="0 70"/><motor joint="left_knee" ctrlrange="-45 0"/>', 45.0),
     ],

@@ -61,10 +61,10 @@ def test_a_host_of_another_computer_is_refused(capsys):
 def test_refusals_and_replays_bring_the_fields_back_to_what_is_true():
     pytest.importorskip("mjviser", reason="needs the extra play")
     from push_recovery.eval.play.gate import Gate
-    from push_recovery.eval.play.session import Session
+    from push_recovery.eval.play.session import FirstPush, Session
 
     session = Session("PushRecovery/Biped-v0", "two-stage")
-    app = opening.open_app(session, ["two-stage", "stage-1"], Gate("127.0.0.1"), 8760, (9.0, 0.0))
+    app = opening.open_app(session, ["two-stage", "stage-1"], Gate("127.0.0.1"), 8760, FirstPush(9.0, 0.0))
     try:
         panel = app.panel
         app.do(panel._replay)  # nothing to replay: a notice for everybody, and no harm

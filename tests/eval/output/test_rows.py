@@ -300,3 +300,12 @@ def test_a_refusal_leaves_no_new_folder(tmp_path):
     with pytest.raises(TypeError):
         RowFile(tmp_path / "a" / "b", {"suite": object()}, ("policy",))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_overwriting_removes_what_tells_of_frontiers_and_basins_too(tmp_path):
+    told = ["frontier-B.json", "frontier.svg", "basin-p.png", "report.html"]
+    for name in (*told, "notes.md"):
+        (tmp_path / name).touch()
+    RowFile(tmp_path, {}, ("policy",), overwrite=True).close()
+    assert not [name for name in told if (tmp_path / name).exists()]
+    assert (tmp_path / "notes.md").exists()

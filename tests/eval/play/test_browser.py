@@ -26,7 +26,7 @@ from push_recovery.eval.play.browser import (  # noqa: E402
 )
 from push_recovery.eval.play.gate import Gate  # noqa: E402
 from push_recovery.eval.play.scene import CAMERA, LOOK_AT  # noqa: E402
-from push_recovery.eval.play.session import IMPULSE_PER_METRE, Session  # noqa: E402
+from push_recovery.eval.play.session import IMPULSE_PER_METRE, FirstPush, Session  # noqa: E402
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = [
@@ -60,7 +60,7 @@ def wait_for_camera(app, camera, position, look_at):
 def played():
     """An app, and a page that looks at it."""
     session = Session("PushRecovery/Biped-v0", "two-stage")
-    app = open_app(session, ["two-stage", "stage-1"], Gate("127.0.0.1"), 8790, (12.0, 90.0))
+    app = open_app(session, ["two-stage", "stage-1"], Gate("127.0.0.1"), 8790, FirstPush(12.0, 90.0))
     app.server.scene.configure_default_lights(cast_shadow=False)  # drawn without a graphics card
     for _ in range(45):
         session.step()
@@ -297,7 +297,7 @@ def connected(address, **head):
 
 def test_pages_of_others_and_those_without_the_token_are_refused():
     session = Session("PushRecovery/Biped-v0", "two-stage")
-    app = open_app(session, ["two-stage"], Gate("127.0.0.1", "word"), 8795, (10.0, 0.0))
+    app = open_app(session, ["two-stage"], Gate("127.0.0.1", "word"), 8795, FirstPush(10.0, 0.0))
     address = f"127.0.0.1:{app.server.get_port()}"
     cookie = {"Cookie": f"push-recovery-{app.server.get_port()}=word"}
     try:

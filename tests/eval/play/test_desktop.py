@@ -10,13 +10,13 @@ from push_recovery.envs.biped.view import set_posture
 from push_recovery.envs.rendering import RenderError
 from push_recovery.eval.play.browser import Panel
 from push_recovery.eval.play.desktop import Desktop, play_in_window
-from push_recovery.eval.play.session import Session
+from push_recovery.eval.play.session import FirstPush, Session
 
 
 @pytest.fixture
 def desktop():
     session = Session("PushRecovery/Biped-v0", "two-stage")
-    yield Desktop(session, (12.0, 90.0))
+    yield Desktop(session, FirstPush(12.0, 90.0))
     session.close()
 
 
@@ -68,6 +68,7 @@ def test_a_drag_by_mouse_pushes_where_it_is_let_go(desktop):
     for _ in range(2):
         desktop.answer_mouse(SimpleNamespace(active=0, select=trunk), data)
     assert desktop.session.last.push.impulse == pytest.approx((12.0, -20.0, 0.0))
+    assert desktop.session.last.push.body == "trunk"
     assert len(desktop.session.first.scenario.pushes) == 1
 
 
@@ -75,12 +76,12 @@ def test_without_a_display_nothing_is_made(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(RenderError, match="needs a display"):
-        play_in_window(lambda: pytest.fail("a session was made"), (10.0, 0.0))
+        play_in_window(lambda: pytest.fail("a session was made"), FirstPush(10.0, 0.0))
 
 
 def test_no_key_of_the_panel_moves_the_camera_as_well():
     server = MagicMock()
-    Panel(server, MagicMock(), ["two-stage"], lambda action: None, (10.0, 90.0))
+    Panel(server, MagicMock(), ["two-stage"], lambda action: None, FirstPush(10.0, 90.0))
     keys = [call.kwargs["hotkey"] for call in server.gui.add_command.call_args_list]
     assert sorted(keys) == ["F", "N", "P", "R", "space"]
     assert not set("WASDQE") & set(keys)  # viser's own

@@ -383,3 +383,8 @@ def test_kinds_and_words_hold_what_is_documented():
         over=True, given=["push"], time=2.35, push_start=1.1, info={"failure_reason": "com_height"}
     )
     assert status_words(fell).startswith("fell 1.25 s after the push")
+
+
+def test_corrections_are_not_played_with():
+    with pytest.raises(InvalidValueError, match="those of PushRecovery/BipedResidual-v0 are corrections"):
+        Session("PushRecovery/BipedResidual-v0", "two-stage")

@@ -71,7 +71,7 @@ def test_fewer_episodes_are_the_first_of_each_level():
 
 def measured(*moments: tuple[float, float, float, float], fell: bool = False) -> dict:
     """Entries of (time, height, speed, tilt), kicked at 2 s from a standing height of 0.79 m."""
-    episode = Measures(2.0, 0.79)
+    episode = Measures(2.0, 0.0, 0.79)
     for moment in moments:
         episode.take(*moment)
     ending = Ending(fell, moments[-1][0], None, "too_low" if fell else None, 0.0)
@@ -101,10 +101,32 @@ def test_a_watcher_takes_linear_speed_and_the_trunks_tilt_from_the_push_on():
     core = SimpleNamespace(gait=SimpleNamespace(time=np.zeros(1)), true_state=lambda k: state)
     state.qpos[0, 2], watcher = 0.79, KickWatcher()
     watcher.begin(core, 0, Scenario("k", (polar_push(100.0, 0.0, 0.1, 2.0),)))
-    for time, speed, spin, tilt in ((1.0, 0.0, 0.0, 0.5), (2.1, 0.1, 0.0, 0.3), (2.5, 0.08, 9.0, 0.1)):
+    for time, speed, spin, tilt in (
+        (1.0, 0.0, 0.0, 0.5),
+        (2.1, 0.1, 0.0, 0.3),
+        (2.3, 0.1, 0.0, 0.2),
+        (2.5, 0.08, 9.0, 0.1),
+    ):
         core.gait.time[0], state.qvel[0] = time, [speed] * 3 + [spin] * 3
         state.xmat[0] = np.eye(3).ravel()
         state.xmat[0, TRUNK, 8] = math.cos(tilt)
         watcher.look(core, 0)
     told = watcher.end(core, 0, Outcome.of(Scenario("k"), "p", Ending(False, 10.0, None, None, 0.0), 1000))
     assert told == {"stood": True, "time_to_stable": 0.5, "peak_tilt_deg": pytest.approx(17.1887)}
+
+
+def test_a_moment_before_the_kick_is_not_stable():
+    """One at 2.0034 s comes in the period from 2.01 s on; the look at 2.01 s is before it."""
+    measures = Measures(2.0034, 0.0, 0.79)
+    for time, speed in ((2.0, 0.0), (2.01, 0.0), (2.02, 0.8), (4.0, 0.1)):
+        measures.take(time, 0.79, speed, 0.0)
+    outcome = Outcome.of(Scenario("k"), "p", Ending(False, 10.0, None, None, 0.0), 1)
+    assert measures.entries(outcome)["time_to_stable"] == pytest.approx(1.9966)
+
+
+def test_nor_is_one_while_a_push_lasts():
+    measures = Measures(2.0, 0.1, 0.79)
+    for time, speed in ((2.0, 0.0), (2.05, 0.1), (2.1, 0.1), (2.2, 0.1)):
+        measures.take(time, 0.79, speed, 0.0)
+    outcome = Outcome.of(Scenario("k"), "p", Ending(False, 10.0, None, None, 0.0), 1)
+    assert measures.entries(outcome)["time_to_stable"] == pytest.approx(0.2)

@@ -211,3 +211,13 @@ def test_a_sheet_is_stretched_over_several_pushes():
     picture, (width, height) = np.asarray(Image.open(io.BytesIO(films.strip(seen)))), films.STRIP_PANEL
     row, columns = films.LINE + height // 2, [c * (width + films.GAP) + width // 2 for c in range(6)]
     assert picture[row, columns, 0].tolist() == pytest.approx([23, 35, 50, 68, 98, 140], abs=1)
+
+
+def test_what_was_trusted_is_filmed_as_it_was_scored(monkeypatch, evaluation):
+    taken = []
+    monkeypatch.setattr(films, "shoot", lambda env_id, policy, *_: taken.append(policy))
+    monkeypatch.setattr(films, "write_pair", lambda *_: [])
+    trusted = SimpleNamespace(predict=lambda observation: None)
+    found = evaluation({"a": "rf", "b": "rr"})
+    films.film_discordant(found, 1, [{"a": trusted}, "b"])
+    assert taken == [{"a": trusted}, {"b": "b"}]

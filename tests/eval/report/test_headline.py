@@ -211,3 +211,11 @@ def numbers(text: str) -> list[float]:
 def test_quarters_are_ranks_of_the_impulses_in_any_order_of_pushes():
     rows = [{"impulse": impulse, "psi_deg": 0.0} for impulse in (3.0, 1.0, 4.0, 2.0)]
     assert headline.strata_of(rows).tolist() == [2, 0, 3, 1]
+
+
+def test_a_page_of_two_long_names_has_a_name_that_a_file_can_have(tmp_path):
+    assert Command(("compare", "a", "b")).page(tmp_path) == "compare-a-b.html"
+    long = Command(("compare", "a" * 120, "b" * 120)).page(tmp_path)
+    other = Command(("compare", "a" * 120, "c" * 120)).page(tmp_path)
+    assert len(long) < 40
+    assert long != other

@@ -292,3 +292,15 @@ def test_a_push_along_an_axis_has_a_direction(force, psi):
     scenario = Scenario("a", (Push(force, 0.1, 1.0),))
     found = Outcome.of(scenario, "p", Ending(False, 4.0, None, None, 0.0), 400)
     assert found.psi_deg == pytest.approx(psi)
+
+
+def test_sums_over_time_know_how_long_a_period_is(episodes):
+    """Two periods of 20 ms: 10 N m at 3 rad/s, and a command to turn at 0.5 rad/s that is not followed."""
+    episodes.control_hz = 50.0
+    meter, core = EffortMeter(episodes), episodes.core
+    meter.begin(0)
+    core.physics.ctrl[0, 0], core.physics.qvel[0, 6], core.command[0, 2] = 10.0, 3.0, 0.5
+    meter.look()
+    meter.look()
+    found = meter.of(0)
+    assert (found["energy"], found["heading_error"]) == pytest.approx((1.2, 0.02), abs=1e-6)

@@ -320,3 +320,11 @@ def test_bad_presets_are_bad_input(tmp_path, capsys):
     (tmp_path / "p.json").write_text("{}")
     with pytest.raises(InvalidValueError, match="is no preset file"):
         make_env(f"{PENDULUM}@{tmp_path / 'p.json'}")
+
+
+def test_a_label_of_another_planner_is_other_content(tmp_path):
+    suite, env_id = Suite("s", "1", (Scenario("x", duration=0.1),)), "PushRecovery/Pendulum-v0"
+    evaluate(suite, env_id, {"mine": "two-stage"}, directory=tmp_path)
+    evaluate(suite, env_id, {"mine": "two-stage"}, directory=tmp_path)
+    with pytest.raises(InvalidValueError, match="another content"):
+        evaluate(suite, env_id, {"mine": "stage-1"}, directory=tmp_path)

@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from push_recovery.controllers.settings import PresetFile
@@ -365,3 +366,14 @@ def test_disturbances_are_a_row_each_for_every_policy():
     rows = [{"recovered": i < 2, "survived": i < 3} for i in range(4)]
     found = Evaluation(Suite("four", "1", scenarios), "env", {"p": rows, "q": rows[::-1]}, Path("out"), 0.0)
     assert ("slip", "2", "1/1", "1/2") in report.kinds_table(found).rows
+
+
+@pytest.mark.parametrize(
+    ("times", "words"), [((2.0,), "until 2 s after"), ((2.0, 3.5, 2.5), "until 2 to 3.5 s after")]
+)
+def test_the_note_has_the_time_that_the_scenarios_settle_for(times, words):
+    scenarios = tuple(Scenario(f"s{i}", settle_time=time) for i, time in enumerate(times))
+    evaluation = SimpleNamespace(suite=SimpleNamespace(scenarios=scenarios))
+    assert f"Recovered: no fall {words} the last push; over" in report.recovered_note(evaluation)
+    timed = SimpleNamespace(suite=SimpleNamespace(scenarios=(Scenario("t", duration=5.0),)))
+    assert "Recovered: no fall until the end; over" in report.recovered_note(timed)

@@ -10,6 +10,7 @@ from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import EXACT, HARDWARE, Scenario
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.rollout.environments import profile_on
 from push_recovery.eval.score import sensitivity as varying
 from push_recovery.eval.score.suites import Suite, get_suite
 
@@ -117,3 +118,12 @@ def test_the_command(tmp_path, capsys):
     assert "sample must be an integer in [1, 5], got 9" in capsys.readouterr().err
     assert main(["sensitivity", *suite, "--variations", "rk5", "--sample", "1"]) == 2
     assert "did you mean 'rk4'" in capsys.readouterr().err
+
+
+def test_hardware_is_that_of_the_robot():
+    """Its friction is 1 N m on 60 kg of 0.8 m height, and less on a G1."""
+    env_id = "PushRecovery/G1-v0"
+    suite = varying.varied_by(CALM, ["exact", "hardware"], env_id)
+    errors = {scenario.errors.joint_friction for scenario in suite.scenarios if "/hardware" in scenario.id}
+    assert errors == {profile_on(env_id, "hardware").errors.joint_friction}
+    assert 0.3 < errors.pop() < 0.5

@@ -11,10 +11,11 @@ from push_recovery.controllers.errors import InvalidValueError, PushRecoveryErro
 from push_recovery.controllers.model.robot import REFERENCE
 from push_recovery.controllers.model.standing import max_standing_force
 from push_recovery.envs.scenario.model_errors import ModelErrors
-from push_recovery.envs.scenario.scenario import EXACT, HARDWARE, Command
+from push_recovery.envs.scenario.scenario import EXACT, HARDWARE, Command, Scenario
+from push_recovery.envs.scenario.terrain import Stairs
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.score import draw, suites
-from push_recovery.eval.score.suites import Suite, get_suite
+from push_recovery.eval.score.suites import Suite, get_suite, with_errors
 
 from push_recovery import evaluate
 
@@ -332,3 +333,14 @@ def test_the_command_writes_what_evaluate_reads(tmp_path, capsys):
     assert get_suite(str(path)) == suites.new_suite("shift-model", 5, 8)
     assert main(["suite", "new", "--seed", "5", "--pushes", "[1]", "--out", str(path)]) == 2
     assert "JSON object" in capsys.readouterr().err
+
+
+def test_a_suite_on_stairs_is_named_after_them():
+    suite = Suite("few", "1", (Scenario("a"),))
+    names = []
+    for rise in (0.1, 0.05):
+        on_stairs = with_errors(suite, ModelErrors(terrain=Stairs(rise=rise, steps=3, tread=0.35)))
+        assert on_stairs.scenarios[0].errors.terrain == Stairs(rise=rise, steps=3, tread=0.35)
+        names.append(on_stairs.name)
+    assert all(name.startswith("few+terrain=stairs-") for name in names)
+    assert len(set(names)) == 2
