@@ -42,7 +42,7 @@ from ..eval.rollout.workers import SLOTS
 from ..eval.score.kinds import SuiteDistribution
 from . import builders
 from .algorithm import Tensors, make_algorithm
-from .from_sb3 import export_policy
+from .from_sb3 import export_policy, residual_base
 from .imitation import ImitationSettings, imitate_once
 from .settings import Report, TrainingSettings, command_of
 
@@ -252,7 +252,7 @@ class Run:
         pushes = SuiteDistribution(settings.like, SETTLE_TIME) if settings.like else PUSHES
         self.scenarios = curve_scenarios(settings.evaluation_scenarios, settings.profile, size, pushes)
         anew = checkpoint is None and settings.initial is not None
-        first = initial_policy(settings, own) if anew else None
+        first = initial_policy(settings, own, self.one) if anew else None
         self._report = report
         taught = checkpoint is None and settings.teacher  # then imitation reports first
         if not taught:
@@ -395,7 +395,7 @@ def holds_best(out: Path, timesteps: int) -> bool:
         return False
 
 
-def initial_policy(settings: TrainingSettings, own: Path | None) -> NetworkPolicy:
+def initial_policy(settings: TrainingSettings, own: Path | None, one: gym.Env) -> NetworkPolicy:
     """The policy that a run begins as.
 
     Raises:
@@ -411,6 +411,13 @@ def initial_policy(settings: TrainingSettings, own: Path | None) -> NetworkPolic
         "hold": (about.hold, settings.hold),
         "residual": (about.residual is not None, settings.residual),
     }
+    wrapper = builders.find_residual(one)
+    if about.residual is not None and wrapper is not None:
+        below = residual_base(wrapper, settings.policy)
+        theirs |= {
+            name: (getattr(about.residual, name), getattr(below, name))
+            for name in ("policy", "scale", "gate")
+        }
     for what, (given, asked) in theirs.items():
         if given != asked:
             raise InvalidValueError(f"the run begins as {name}, whose {what} is {given!r}, not {asked!r}")

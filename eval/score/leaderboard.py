@@ -60,7 +60,7 @@ def read_submission(directory: Path, suite: str | None = None) -> Submission:
     if config.get("format") != FORMAT or not isinstance(summary, dict):
         raise InvalidValueError(f"{str(directory)!r} holds no results of evaluate (format {FORMAT})")
     env_id = str(config.get("env"))
-    pushes = _suite(str(summary.get("name")), suite, env_id)
+    pushes = _suite(str(summary.get("name")), str(summary.get("version")), suite, env_id)
     known = configuration(pushes, env_id)
     if differs := differing(known, config):
         raise InvalidValueError(
@@ -79,8 +79,11 @@ def _object(path: Path) -> dict[str, Any]:
     return content
 
 
-def _suite(name: str, given: str | None, env_id: str) -> Suite:
-    """The suite of a name as `evaluate` gives it, for a robot or with a profile, unless another is given."""
+def _suite(name: str, version: str, given: str | None, env_id: str) -> Suite:
+    """The suite of a name as `evaluate` gives it, for a robot or with a profile, unless another is given.
+
+    One that has a later version is built in as NAME-VERSION, too.
+    """
     if given is not None:
         return get_suite(given)
     whole, plus, profile = name.partition("+")
@@ -89,6 +92,7 @@ def _suite(name: str, given: str | None, env_id: str) -> Suite:
     if base not in SUITES or (at and environments.EnvName.parse(env_id).runs_code):
         raise InvalidValueError(f"suite {name!r} of the results is not built in: name its file with --suite")
     own = env_id if at else DEFAULT_ENV
+    base = former if (former := f"{base}-{version}") in SUITES else base
     pushes = get_suite(base, own)
     return with_profile(pushes, environments.profile_on(own, profile)) if plus else pushes
 

@@ -4,6 +4,7 @@ import dataclasses
 import errno
 import json
 import os
+from contextlib import closing
 from types import SimpleNamespace
 
 import gymnasium as gym
@@ -17,6 +18,7 @@ from push_recovery.eval.output.rows import Writer
 from push_recovery.eval.rollout import load_policy as names
 from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.score.kinds import SuiteDistribution
+from push_recovery.training.builders import completed, make_env
 from push_recovery.training.run import (
     CurvePoint,
     Progress,
@@ -30,7 +32,7 @@ from push_recovery.training.run import (
     train,
     write_curve,
 )
-from push_recovery.training.settings import TrainingSettings, difference
+from push_recovery.training.settings import TrainingSettings, difference, get_recipe
 from safetensors.numpy import save
 
 
@@ -502,7 +504,24 @@ def test_a_checkpoint_of_a_later_format_is_refused(tmp_path):
 )
 def test_a_run_begins_as_no_policy_of_other_inputs_or_another_environment(settings, first, change, words):
     with pytest.raises(InvalidValueError, match=words):
-        initial_policy(dataclasses.replace(settings, initial=str(first), **change), None)
+        initial_policy(
+            dataclasses.replace(settings, initial=str(first), **change), None, gym.make(settings.env_id)
+        )
+
+
+@pytest.mark.parametrize(
+    ("change", "words"), [({"gate": None}, "whose gate"), ({"policy": "stage-1"}, "whose policy")]
+)
+def test_a_correction_begins_as_one_of_the_same_policy_and_gate(change, words):
+    for changed in ({}, change):
+        settings = dataclasses.replace(get_recipe("residual-hardware"), **changed)
+        with closing(make_env(settings)) as one:
+            whole = completed(settings, one)
+            if not changed:
+                assert initial_policy(whole, None, one).description.residual.policy == "two-stage"
+                continue
+            with pytest.raises(InvalidValueError, match=words):
+                initial_policy(whole, None, one)
 
 
 def test_later_checkpoints_are_given_up_with_the_part_of_the_run(tmp_path, training_run_settings):

@@ -139,9 +139,10 @@ def test_results_of_something_else_are_refused(given, tmp_path):
 
 
 def test_a_built_in_suite_is_found_with_its_profile():
-    found = leaderboard._suite("quick-1+hardware", None, DEFAULT_ENV)
+    found = leaderboard._suite("quick+hardware", "1", None, DEFAULT_ENV)
     assert found == with_profile(get_suite("quick-1"), HARDWARE)
-    assert leaderboard._suite("hardware", None, DEFAULT_ENV) == get_suite("hardware")
+    assert leaderboard._suite("quick", "2", None, DEFAULT_ENV) == get_suite("quick")
+    assert leaderboard._suite("hardware", "1", None, DEFAULT_ENV) == get_suite("hardware")
 
 
 def test_samples_are_of_the_size_asked_for_and_new_each_time(given):
