@@ -25,7 +25,8 @@ class Desktop:
     """Keys and mouse of a window that act on a session; `first` is the push of a key."""
 
     def __init__(self, session: Session, first: FirstPush):
-        self.session, self._impulse, self._body = session, polar_impulse(first.impulse, first.psi), first.body
+        self.session, self._impulse = session, polar_impulse(first.impulse, first.psi)
+        self._body: Body = first.body
         self._keys: list[int] = []
         self.key = self._keys.append  # a key that is pressed is answered between two planning periods
         self._way: np.ndarray | None = None  # of the mouse, while it drags a body [m]
