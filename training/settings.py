@@ -372,17 +372,18 @@ ON_G1 = replace(
 # Without a planner and a teacher (docs/training.md#joints-from-nothing)
 FROM_NOTHING = TrainingSettings(
     "joint",
-    pushes=ALL_PUSHES,
+    like=("quick", "varied", "hard"),
+    pushes=replace(ALL_PUSHES, turn=FASTEST_TURN),
     reward="steps",
-    critic=("push", "schedule"),
+    critic=("push", "place", "schedule"),
     n_envs=256,
     batch_size=4096,
     n_epochs=4,
     policy_layers=(256, 256),
     wanted_kl=0.01,
-    log_std_end=-2.3625,
+    log_std_end=-2.1985,
     threads=2,
-    timesteps=18_400_000,
+    timesteps=25_400_000,
     evaluate_every=1_000_000,
 )
 RECIPES = {  # in the order of `NAMES` in eval/rollout/load_policy.py
