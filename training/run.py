@@ -370,10 +370,11 @@ class Run:
         shutil.rmtree(final, ignore_errors=True)
         os.replace(temporary, final)
         sync_names(final.parent)
-        found = find_checkpoints(self.out)
-        given_up = [one for one in found if one.name > final.name]  # of a run that went on from an older one
-        for old in (*given_up, *found[: len(found) - len(given_up)][:-KEPT_CHECKPOINTS]):
-            shutil.rmtree(old, ignore_errors=True)
+        found = find_checkpoints(self.out)  # later ones are of a part that the run has given up
+        kept = [one for one in found if one.name <= final.name][-KEPT_CHECKPOINTS:]
+        for old in found:
+            if old not in kept:
+                shutil.rmtree(old, ignore_errors=True)
 
     def close(self) -> None:
         """Close every environment."""

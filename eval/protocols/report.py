@@ -77,8 +77,7 @@ TOUR_NOTE = (
     "over the waist and 0.10 m aside. The robot begins in a nominal "
     "step without the three seconds in a crane, turns at 0.6 rad/s at most, and falls by this project's "
     "criterion, which is the stricter one; its planner knows model and true state, networks of others do "
-    "not. "
-    "Errors stand at the ends of the segments that were begun; energy and vibration are not counted. "
+    "not. Errors stand at the ends of the segments that were begun; energy and vibration are not counted. "
 )
 
 

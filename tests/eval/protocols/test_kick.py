@@ -115,18 +115,17 @@ def test_a_watcher_takes_linear_speed_and_the_trunks_tilt_from_the_push_on():
     assert told == {"stood": True, "time_to_stable": 0.5, "peak_tilt_deg": pytest.approx(17.1887)}
 
 
-def test_a_moment_before_the_kick_is_not_stable():
-    """One at 2.0034 s comes in the period from 2.01 s on; the look at 2.01 s is before it."""
-    measures = Measures(2.0034, 0.0, 0.79)
-    for time, speed in ((2.0, 0.0), (2.01, 0.0), (2.02, 0.8), (4.0, 0.1)):
+@pytest.mark.parametrize(
+    ("start", "duration", "moments", "stable"),
+    [
+        # it comes in the period from 2.01 s on, so the look at 2.01 s is before it
+        (2.0034, 0.0, ((2.0, 0.0), (2.01, 0.0), (2.02, 0.8), (4.0, 0.1)), 1.9966),
+        (2.0, 0.1, ((2.0, 0.0), (2.05, 0.1), (2.1, 0.1), (2.2, 0.1)), 0.2),  # a push lasts
+    ],
+)
+def test_no_moment_before_its_end_is_stable(start, duration, moments, stable):
+    measures = Measures(start, duration, 0.79)
+    for time, speed in moments:
         measures.take(time, 0.79, speed, 0.0)
     outcome = Outcome.of(Scenario("k"), "p", Ending(False, 10.0, None, None, 0.0), 1)
-    assert measures.entries(outcome)["time_to_stable"] == pytest.approx(1.9966)
-
-
-def test_nor_is_one_while_a_push_lasts():
-    measures = Measures(2.0, 0.1, 0.79)
-    for time, speed in ((2.0, 0.0), (2.05, 0.1), (2.1, 0.1), (2.2, 0.1)):
-        measures.take(time, 0.79, speed, 0.0)
-    outcome = Outcome.of(Scenario("k"), "p", Ending(False, 10.0, None, None, 0.0), 1)
-    assert measures.entries(outcome)["time_to_stable"] == pytest.approx(0.2)
+    assert measures.entries(outcome)["time_to_stable"] == pytest.approx(stable)
