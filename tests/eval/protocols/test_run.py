@@ -94,7 +94,7 @@ def test_bodies_collide_unless_they_are_told_not_to_and_robots_stand_where_they_
     assert main([*argv, str(tmp_path / "b"), "--no-collisions"]) == 0
     report = (tmp_path / "b" / "report.md").read_text()
     assert "1 episodes a level. Share" in report
-    assert "It steps in place, knows" in report
+    assert "It steps in place, on friction" in report
     plain = PushProtocol("kick", "stated", ROBOT, tuple(kick_scenarios("stated", 1)[50]))
     other = plain.with_collisions().standing()
     (scenario,) = other.scenarios

@@ -73,7 +73,7 @@ def test_an_environment_draws_pushes_of_its_size():
 
 
 def test_results_handed_in_name_the_suite_of_their_robot():
-    assert _suite("hard@g1", None, G1) == get_suite("hard", G1)
-    both = _suite("hard@g1+hardware", None, G1)
+    assert _suite("hard@g1", "1", None, G1) == get_suite("hard", G1)
+    both = _suite("hard@g1+hardware", "1", None, G1)
     assert both == on_robots(get_suite("hard", G1), EXACT_MODEL, "hardware", G1)
     assert both.name == "hard@g1+hardware"
