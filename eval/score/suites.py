@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +67,7 @@ class Suite:
             twice = next(name for name in ids if ids.count(name) > 1)
             raise InvalidValueError(f"suite {self.name!r} has the scenario id {twice!r} more than once")
 
-    @property
+    @cached_property
     def sha256(self) -> str:
         """SHA-256 of name, version and all scenarios as canonical JSON."""
         head = json.dumps([self.name, self.version])

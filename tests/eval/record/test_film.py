@@ -144,8 +144,9 @@ def test_of_many_policies_the_first_of_each_kind_is_shown_in_their_order(evaluat
     assert {one.place: one.policies for one in found} == {1: ("a", "b"), 2: ("a", "c")}
 
 
-def test_compare_films_what_its_rows_say(tmp_path, capsys):
+def test_compare_films_what_its_rows_say(tmp_path, capsys, monkeypatch):
     pytest.importorskip("imageio_ffmpeg", reason="needs the extra view")
+    monkeypatch.setattr(films, "RATE", 6)  # to have fewer pictures
     suite = tmp_path / "suite.json"
     first = replace(get_suite("standard").scenarios[0], settle_time=2.0)
     Suite("few", "1", (first,)).save(suite)
