@@ -18,8 +18,8 @@ $(VENV)/dev.stamp: pyproject.toml constraints.txt
 	@$(PIP) torch -e '.[train,view,play,report,docs,dev]'
 	touch $@ $(VENV)/run.stamp
 
-# place and time of the step, the trunk with them, all of it, and all of it corrected by a network
-ARMS := stage-1 stage-1+momentum two-stage residual residual-hardware joint-residual joint-residual-hardware
+# place and time of the step, the trunk with them, all of it, all of it corrected by a network, and a network alone
+ARMS := stage-1 stage-1+momentum two-stage residual residual-hardware joint-residual joint-residual-hardware joint
 run: $(VENV)/run.stamp
 	$(BIN)/push-recovery evaluate --suite quick --profile exact hardware --policies $(ARMS)
 
