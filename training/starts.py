@@ -261,13 +261,13 @@ def pushes_from(scenario: Scenario, walk: RobotSnapshot, start: float) -> tuple[
     pushes = [replace(first, start=start)]
     for push in later:
         then, now = first.start, push.start
-        if isinstance(now, GaitEvent) != isinstance(then, GaitEvent):
-            raise ValueError(f"pushes of {scenario.id!r} are at times and at moments of the gait")
         if isinstance(now, GaitEvent) and isinstance(then, GaitEvent):
             passed = now.step_index(scenario.stance_side) - then.step_index(scenario.stance_side)
             index = int(walk.rows[STEPS].item()) + passed
             moved: float | GaitEvent = GaitEvent(index, walk.scenario.side_of_step(index), now.fraction)
+        elif isinstance(now, GaitEvent) or isinstance(then, GaitEvent):
+            raise ValueError(f"pushes of {scenario.id!r} are at times and at moments of the gait")
         else:
-            moved = start + now - then  # type: ignore[operator]
+            moved = start + now - then
         pushes.append(replace(push, start=moved))
     return tuple(pushes)

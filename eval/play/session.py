@@ -198,9 +198,13 @@ class Lane:
     def __init__(self, env_id: str, policy: str, start: Scenario = ON_THE_SPOT):
         source = policy_sources(policy)[policy]  # a name of a policy that ships stands for its file
         made = make_env_for(source.origin, env_id)
+        episodes = gait_episodes(made)
+        if not isinstance(episodes, BipedEpisodes):
+            raise InvalidValueError(
+                f"only bipeds are played with, such as PushRecovery/Biped-v0, got {episodes.name}"
+            )
         rule = action_rule(made)
         if rule is None or rule.residual is not None or rule.hold != 1:
-            made.close()
             raise InvalidValueError(
                 f"only plain actions are played with, and those of {env_id} are corrections"
             )
@@ -208,11 +212,6 @@ class Lane:
         self._start = replace(start, id=NAME, pushes=(), changes=(), duration=LONGEST)
         self.policy = source.load(made)
         self.env: Any = made.unwrapped
-        episodes = gait_episodes(made)
-        if not isinstance(episodes, BipedEpisodes):
-            raise InvalidValueError(
-                f"only bipeds are played with, such as PushRecovery/Biped-v0, got {episodes.name}"
-            )
         self.episodes = episodes
         self.period = 1.0 / episodes.control_hz  # [s]
         self.recorder = Recorder(episodes, KEPT)

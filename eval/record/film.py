@@ -376,10 +376,10 @@ def disagreements(evaluation: Evaluation) -> list[Disagreement]:
     return [found for found in chain.from_iterable(zip_longest(*turns.values())) if found is not None]
 
 
-def film_discordant(evaluation: Evaluation, count: int, policies: Any = ()) -> list[Path]:
+def film_discordant(evaluation: Evaluation, count: int, policies: Any) -> list[Path]:
     """Film at most `count` of the pushes on which the policies disagree, as GIF and mp4; returns the paths.
 
-    `policies` are what was scored, for those that their names alone do not say.
+    `policies` are those that were scored, which their names alone do not say where they were trusted.
 
     Raises:
         PushRecoveryError: nothing can be drawn here.
@@ -395,8 +395,7 @@ def film_discordant(evaluation: Evaluation, count: int, policies: Any = ()) -> l
     work = Work(what, about(SECONDS * len(chosen)), folder)
     with progress_bars([FOLDER], len(chosen), work) as bars:
         for done, (index, scenario, names) in enumerate(chosen):
-            acting = [scored.get(name, name) for name in names]
-            shots = [shoot(evaluation.env_id, policy, scenario, RATE / SLOW) for policy in acting]
+            shots = [shoot(evaluation.env_id, scored[name], scenario, RATE / SLOW) for name in names]
             paths += write_pair(shots, folder / film_name(index, scenario.id))
             bars.set(FOLDER, done + 1)
     return paths

@@ -221,18 +221,21 @@ def preset_digest(env_id: str) -> dict[str, str]:
         found["preset_sha256"] = hashlib.sha256(read_file(name.preset)).hexdigest()
     if name.module:
         found["module_sha256"] = hashlib.sha256(source_of(import_from_here(name.module))).hexdigest()
-    spec = gym.registry.get(name.id)  # what is not registered is refused where it is made
-    if robot := name.robot or (spec.kwargs.get("robot") if spec else None):
+    if robot := own_robot(name):
         found["robot_sha256"] = robot_digest(robot_description(robot))
     return found
+
+
+def own_robot(name: EnvName) -> Any:
+    """The robot file of a name, or the robot that its id was registered with; None where there is none."""
+    spec = gym.registry.get(name.id)  # what is not registered is refused where it is made
+    return name.robot or (spec.kwargs.get("robot") if spec else None)
 
 
 def robot_of(env_id: str) -> tuple[str, Similarity]:
     """Name of an environment's robot, and its size against the one that suites are written for."""
     name = EnvName.parse(env_id)
-    spec = gym.registry.get(name.id)
-    own = name.module or name.robot or (spec and spec.kwargs.get("robot"))
-    if not own and name.label.startswith(OF_REFERENCE):
+    if not (name.module or own_robot(name)) and name.label.startswith(OF_REFERENCE):
         return "biped", SAME
     return _robot_of(env_id, *preset_digest(env_id).items())
 
