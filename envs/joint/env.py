@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
@@ -29,8 +30,8 @@ from ..biped.env import BipedConfig, BipedEnv, BipedEpisodes
 from ..episode.episodes import Mask, Period
 from ..episode.period_end import REWARD_TERMS, Reward, end_period
 from ..episode.vector_env import vector_maker
-from ..scenario.scenario import Scenario
-from ..snapshot import Arrays, arrays_of, digest_of
+from ..scenario.scenario import IN_PLACE, Command, Scenario
+from ..snapshot import Arrays, RobotSnapshot, arrays_of, digest_of
 from .core import JointCore, JointResidualCore
 
 Array = NDArray[np.float64]
@@ -150,8 +151,18 @@ class OnJointsEpisodes(BipedEpisodes):
         return super()._made_for(scenario) | {"set of drives": drives}
 
 
+def stepping(scenario: Scenario) -> Scenario:
+    """The scenario with steps in place wherever a command is to stand."""
+
+    def moving(command: Command) -> Command:
+        return IN_PLACE if command.stand else command
+
+    changes = tuple(replace(change, command=moving(change.command)) for change in scenario.changes)
+    return replace(scenario, command=moving(scenario.command), changes=changes, stride=0.0)
+
+
 class JointEpisodes(OnJointsEpisodes):
-    """Episodes of n bipeds under joint targets."""
+    """Episodes of n bipeds under joint targets, which step in place where they are to stand."""
 
     name = "PushRecovery/BipedJoint-v0"
     walks = stands = has_double_support = False
@@ -169,8 +180,12 @@ class JointEpisodes(OnJointsEpisodes):
 
     def begin(self, k: int, scenario: Scenario) -> None:
         """Put robot k at the beginning of a scenario, see `GaitEpisodes`."""
-        super().begin(k, scenario)
+        super().begin(k, stepping(scenario))
         self._rewards.before[k] = 0.0
+
+    def restore(self, k: int, snapshot: RobotSnapshot, scenario: Scenario | None = None) -> None:
+        """Put robot k where another one was, see `GaitEpisodes`."""
+        super().restore(k, snapshot, None if scenario is None else stepping(scenario))
 
     def step(self, actions: NDArray[np.float32]) -> Period:
         """One planning period under targets in [-1, 1]; `planned` is the nominal step's duration."""

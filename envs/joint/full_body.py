@@ -45,7 +45,7 @@ from ..robots.compiled_robot import FREQUENCY, CompiledRobot, moved_inertia
 from ..robots.description import RobotDescription, robot_description
 from ..robots.indices import MISSING
 from ..scenario.push import GaitEvent, Push
-from ..scenario.scenario import IN_PLACE, Command, Scenario
+from ..scenario.scenario import Scenario
 from ..snapshot import Arrays, RobotSnapshot
 from .core import JointCore, standing_posture
 from .env import JointEpisodes
@@ -414,7 +414,7 @@ class FullBodyEpisodes(JointEpisodes):
         super().restore(k, snapshot, None if scenario is None else self.by_time(scenario))
 
     def by_time(self, scenario: Scenario) -> Scenario:
-        """The scenario with pushes at times instead of gait events, and with rest instead of standing."""
+        """The scenario with pushes at times instead of gait events."""
         duration = self.nominal(scenario.command.vx, scenario.command.vy).duration
 
         def at_time(push: Push) -> Push:
@@ -424,18 +424,8 @@ class FullBodyEpisodes(JointEpisodes):
             step = event.step_index(scenario.stance_side)
             return replace(push, start=(step + event.fraction) * duration)
 
-        def moving(command: Command) -> Command:
-            return IN_PLACE if command.stand else command
-
-        return replace(
-            scenario,
-            pushes=tuple(map(at_time, scenario.forces)),
-            kicks=scenario.jumps,
-            disturbances=(),
-            command=moving(scenario.command),
-            stride=0.0,
-            changes=tuple(replace(change, command=moving(change.command)) for change in scenario.changes),
-        )
+        pushes = tuple(map(at_time, scenario.forces))
+        return replace(scenario, pushes=pushes, kicks=scenario.jumps, disturbances=())
 
     def _end_period(self, gaits: Array) -> Period:
         period, state, core = super()._end_period(gaits), self.monitor.state, self.core

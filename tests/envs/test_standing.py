@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -229,12 +230,33 @@ def test_a_command_to_stand_has_no_velocity_and_stays_in_its_file():
     assert scenario.mirrored().command.stand
 
 
-def test_joint_environments_refuse_to_stand():
-    env = gym.make("PushRecovery/BipedJoint-v0")
-    words = "BipedJoint-v0 does not stand: Command.stand must be False in scenario 'pushed'"
-    with pytest.raises(InvalidValueError, match=words):
-        env.reset(options={"scenario": pushed(100.0, 0.0)})
-    env.close()
+def test_joint_environments_step_in_place_where_they_are_to_stand():
+    """Bit for bit as under the scenario of steps in place, and again from a snapshot."""
+    told = replace(
+        pushed(100.0, 0.0), stride=0.1, changes=(CommandChange(0.1, Command(0.2)), CommandChange(0.2, STAND))
+    )
+    stepping = replace(
+        told,
+        command=Command(),
+        stride=0.0,
+        changes=(CommandChange(0.1, Command(0.2)), CommandChange(0.2, Command())),
+    )
+    actions = np.random.default_rng(3).uniform(-0.1, 0.1, (20, 14)).astype(np.float32)
+
+    def motion(scenario, back=None):
+        """Observations after each action; `back`: a scenario in which the robot is put back half-way."""
+        env = gym.make("PushRecovery/BipedJoint-v0").unwrapped
+        seen = [env.reset(options={"scenario": scenario})[0]]
+        for i, action in enumerate(actions):
+            if back is not None and i == 10:
+                env.episodes.restore(0, env.episodes.state_snapshot(0), back)
+            seen.append(env.step(action)[0])
+        env.close()
+        return np.array(seen)
+
+    wanted = motion(stepping)
+    np.testing.assert_array_equal(motion(told), wanted)
+    np.testing.assert_array_equal(motion(told, told), wanted)
 
 
 def test_corrections_of_torques_act_in_the_steps_of_a_stander_alone(stage):

@@ -190,11 +190,11 @@ def test_a_command_to_stand_is_one_of_velocity_zero_and_kicks_stay():
     change = CommandChange(1.0, Command(0.2))
     scenario = Scenario("s", kicks=(Kick((0.1, 0.0, 0.0), 0.5),), command=Command(stand=True),
                         changes=(change, CommandChange(2.0, Command(stand=True))), stride=0.1)  # fmt: skip
-    found = episodes.by_time(scenario)
-    assert found.command == Command()
-    assert [one.command for one in found.changes] == [Command(0.2), Command()]
-    assert found.jumps == scenario.kicks
+    assert episodes.by_time(scenario).jumps == scenario.kicks
     episodes.begin(0, scenario)
+    begun = episodes.state_snapshot(0).scenario
+    assert begun.command == Command()
+    assert [one.command for one in begun.changes] == [Command(0.2), Command()]
     soles = episodes.core.simulations.data[0].site_xpos[list(episodes.core.body.indices.soles), 0]
     assert abs(soles[0] - soles[1]) == pytest.approx(0.1, abs=1e-6)
 
