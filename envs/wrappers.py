@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.model.gait_box import GAIT_SIZE
-from ..controllers.policies.interface import Policy, as_policy
+from ..controllers.policies.interface import Policy, action_and_state, as_policy
 from ..controllers.policies.residual import (
     Correction,
     ResidualRule,
@@ -183,8 +183,10 @@ class ResidualAction(gym.Wrapper, RecordConstructorArgs):
         if self._observation is None:
             raise gym.error.ResetNeeded("call reset before step")
         residual = check_action(action, "residual action")
-        base, self._policy_state = self.policy.predict(
-            self._observation, state=self._policy_state, episode_start=np.array([self._episode_start])
+        base, self._policy_state = action_and_state(
+            self.policy.predict(
+                self._observation, state=self._policy_state, episode_start=np.array([self._episode_start])
+            )
         )
         self._episode_start = False
         correction = self._rule.correct(self._observation[None], np.array(base)[None], residual[None])

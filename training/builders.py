@@ -9,7 +9,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor, Ve
 
 from ..controllers.errors import InvalidValueError
 from ..controllers.model.robot import Similarity
-from ..controllers.policies import mlp, two_stage
+from ..controllers.policies import two_stage
 from ..controllers.policies.residual import ResidualRule
 from ..envs.episode.episodes import GaitEpisodes
 from ..envs.wrappers import ActionHold, ResidualAction
@@ -87,22 +87,21 @@ def completed(settings: TrainingSettings, env: gym.Env) -> TrainingSettings:
     settings = replace(settings, hold=settings.periods)
     episodes = own_episodes(settings, env, 1)
     walks = episodes is not None and episodes.walks
-    # A policy on joints has to walk by itself and learns nothing from ends alone
-    reward = "environment" if episodes is None or settings.kind == "joint" else "recovery"
-    inputs: tuple[str, ...] = (mlp.OBSERVATION,)
-    if episodes is not None and not settings.on_joints:
-        inputs += (mlp.BASE, mlp.GATE, mlp.MARGIN) if settings.residual else (mlp.MARGIN,)
+    default = settings.left_open(episodes is not None, walks)
     can = {
-        "starts": ("push" if walks else "reset", STARTS if walks else ("reset",)),
-        "reward": (reward, tuple(REWARDS) if episodes is not None else (reward,)),
+        "starts": STARTS if walks else ("reset",),
+        "reward": tuple(REWARDS) if episodes is not None else (default["reward"],),
     }
-    for name, (default, valid) in can.items():
+    for name, valid in can.items():
         if (value := getattr(settings, name)) is None:
-            settings = replace(settings, **{name: default})
+            settings = replace(settings, **{name: default[name]})
         elif value not in valid:
-            raise InvalidValueError(f"{settings.env_id} is trained with {name} {default!r}, not {value!r}")
+            raise InvalidValueError(
+                f"{settings.env_id} is trained with {name} {default[name]!r}, not {value!r}"
+            )
     if settings.critic and episodes is None:
         raise InvalidValueError(f"nothing is known of {settings.env_id} that only its critic could see")
+    inputs = default["inputs"]
     if settings.inputs is None:
         return replace(settings, inputs=inputs)
     if unknown := [name for name in settings.inputs if name not in inputs]:

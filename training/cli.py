@@ -141,12 +141,13 @@ def with_progress(settings: TrainingSettings, out: Path, train: Callable[[Report
     """
     name, timesteps = "training", settings.timesteps
     what = f"{settings.kind} on {settings.env_id}, {timesteps} actions in all"
-    work = Work(what, about(BEFORE + timesteps * settings.periods / PERIODS), out)
     with ExitStack() as stack:
         bars: list[Bars] = []
 
         def report(done: int, words: str) -> None:
             if not bars:
+                left = max(timesteps - done, 0) * settings.periods / PERIODS  # [s]
+                work = Work(what, about(BEFORE + left), out)
                 bars.append(stack.enter_context(progress_bars([name], timesteps, work, {name: done})))
             bars[0].set(name, min(done, timesteps), words)
 

@@ -268,7 +268,7 @@ class Run:
             self.algorithm.start_from(taught_policy(settings, out / TAUGHT))
             report(self.start, "")
         self.curve = [p for p in read_curve(out / "curve.csv") if checkpoint and p.timesteps <= self.start]
-        self._has_best = checkpoint is not None and holds_best(out, self.start)
+        self._best = None if checkpoint is None else best_recovered(out, self.start)
 
     @property
     def timesteps(self) -> int:
@@ -305,9 +305,9 @@ class Run:
         except KeyboardInterrupt:
             self.checkpoint()
             raise
-        if self.curve[-1].timesteps < self.timesteps or not self._has_best:
-            self.evaluate()
         self.checkpoint()
+        if self.curve[-1].timesteps < self.timesteps or self._best is None:
+            self.evaluate()
         whole = self.manifest(POLICY)
         path = self.policy().save(self.out / POLICY, whole)
         best, note = NetworkPolicy.load(self.out / BEST), training_note(policy_paths(self.out / BEST)[1])
@@ -336,11 +336,10 @@ class Run:
         policy = self.policy()
         point = score(self.env, policy, self.scenarios, self.timesteps, self.seconds)
         self.curve = [earlier for earlier in self.curve if earlier.timesteps < point.timesteps]
-        best = max((earlier.recovered for earlier in self.curve if self._has_best), default=0.0)
         self.curve.append(point)
-        if point.recovered >= best:
+        if self._best is None or point.recovered >= self._best:
             policy.save(self.out / BEST, self.manifest(BEST))
-            self._has_best = True
+            self._best = point.recovered
         write_curve(self.out / "curve.csv", self.curve)
         if self.timesteps > 0 and hasattr(self.algorithm.model, "_logger"):
             for name in ("recovered", "survived", "mean_reward"):
@@ -383,17 +382,20 @@ class Run:
         self.env.close()
 
 
-def holds_best(out: Path, timesteps: int) -> bool:
-    """Whether a run's folder has the best policy of the first timesteps of its curve, whole.
+def best_recovered(out: Path, timesteps: int) -> float | None:
+    """Share of recoveries of the best policy in a run's folder; None where it is none of the run's.
 
     A kill between its two files leaves it in part, and a run that goes on from an older checkpoint finds one
     of the part that it gives up.
     """
     try:
         NetworkPolicy.load(out / BEST)
-        return int(training_note(policy_paths(out / BEST)[1])["timesteps"]) <= timesteps
+        note = training_note(policy_paths(out / BEST)[1])
     except InvalidValueError:
-        return False
+        return None
+    taken = int(note["timesteps"])
+    shares = {int(point["timesteps"]): float(point["recovered"]) for point in note["curve"]}
+    return shares.get(taken) if taken <= timesteps else None
 
 
 def initial_policy(settings: TrainingSettings, own: Path | None, one: gym.Env) -> NetworkPolicy:

@@ -19,7 +19,7 @@ from tyro.conf import AvoidSubcommands, Positional, Suppress, arg
 from ..controllers.errors import InvalidValueError, UnknownNameError
 from ..controllers.files import is_file
 from ..controllers.policies.learned import policy_paths
-from ..controllers.policies.mlp import check_inputs
+from ..controllers.policies.mlp import BASE, GATE, MARGIN, OBSERVATION, check_inputs
 from ..controllers.policies.residual import DEFAULT_GATE, check_gate, check_residual_scale
 from ..controllers.validation import require_choice, require_integer
 from ..envs.scenario.distribution import ErrorRanges, PushDistribution
@@ -38,6 +38,7 @@ ALGORITHMS: dict[str, Any] = {"ppo": ".ppo:PPOAlgorithm"}
 FORM_OF_KIND = {"residual": "", "scratch": "", "joint": "Joint", "joint-residual": "JointResidual"}
 # Initial log-std of the action: of a residual 0.14 of its scale, of joints about 0.2 rad.
 LOG_STD = {"residual": -2.0, "scratch": -1.0, "joint": -1.5, "joint-residual": -1.5}
+TAUGHT_ENV = "PushRecovery/BipedJoint-v0"  # of what a teacher shows (`envs.joint.taught`)
 # Hard pushes, most of which the planner recovers from
 TRAINING_PUSHES = PushDistribution(impulse_min=70.0, impulse_max=210.0, settle_time=2.5)
 LATER: dict[str, Any] = {
@@ -173,6 +174,11 @@ class TrainingSettings:
             require_integer(f"training setting {name}", getattr(self, name), 1)
         require_integer("training setting seed", self.seed, 0, 2**31 - 1)
         self._check("n_steps x n_envs", self.n_steps * self.n_envs > 1, "more than 1")
+        if self.minibatch == 1:
+            raise InvalidValueError(
+                f"training setting batch_size must allow minibatches of more than 1, got {self.batch_size} "
+                f"for {self.rollout} timesteps, which it has to divide"
+            )
         self._check("teacher", not self.teacher or self.kind == "joint", "False but for the kind joint")
         self._check("initial", not (self.initial and self.teacher), "None beside a teacher")
         for name in ("gamma", "gae_lambda", "least_acceptance"):
@@ -218,6 +224,11 @@ class TrainingSettings:
             self._set(name, tuple(getattr(self, name)))
             self._check(name, all(isinstance(n, int) and n >= 1 for n in getattr(self, name)), "widths >= 1")
         self._set("env_id", env_of_kind(self.kind, self.env_id.removeprefix("push_recovery:")))
+        if self.teacher and (self.env_id, self.periods) != (TAUGHT_ENV, 1):
+            raise InvalidValueError(
+                f"a teacher shows the joints of {TAUGHT_ENV} at every planning period (hold 1), "
+                f"not those of {self.env_id} at hold {self.periods}"
+            )
         if self.kind == "joint-residual" and self.policy != "two-stage":
             raise InvalidValueError(f"a joint residual corrects two-stage, not {self.policy!r}")
         if self.scale is not None:
@@ -267,6 +278,21 @@ class TrainingSettings:
     def periods(self) -> int:
         """Planning periods for which a learned action is held."""
         return self.hold or (1 if self.on_joints else 2)
+
+    def left_open(self, own: bool, walks: bool) -> dict[str, Any]:
+        """What is taken where hold, inputs, starts and reward are None.
+
+        Args:
+            own: in an environment of this project.
+            walks: and in one whose robots a planner walks to where they are pushed.
+        """
+        inputs: tuple[str, ...] = (OBSERVATION,)
+        if own and not self.on_joints:
+            inputs += (BASE, GATE, MARGIN) if self.residual else (MARGIN,)
+        # A policy on joints has to walk by itself and learns nothing from ends alone
+        reward = "recovery" if own and self.kind != "joint" else "environment"
+        starts = "push" if walks else "reset"
+        return {"hold": self.periods, "inputs": inputs, "starts": starts, "reward": reward}
 
     @property
     def initial_log_std(self) -> tuple[float, ...]:
@@ -428,14 +454,20 @@ def file_settings(path: Path) -> TrainingSettings:
 
 
 def difference(recipe: TrainingSettings, settings: TrainingSettings) -> str | None:
-    """A setting in which a run differs from a recipe, or None; where the recipe says None any value will do.
+    """A setting in which a run differs from a recipe, or None.
 
-    A run has settled what its recipe leaves to the environment, and may learn on another device.
+    A run may have settled what its recipe leaves open, as the recipe's environment does, and may learn on
+    another device.
     """
-    for entry in fields(TrainingSettings):
-        asked = getattr(recipe, entry.name)
-        if asked is not None and entry.name != "device" and asked != getattr(settings, entry.name):
-            return entry.name
+    own = recipe.env_id.startswith("PushRecovery/")
+    settled = recipe.left_open(own, walks=own and recipe.kind != "joint")
+    for name in (entry.name for entry in fields(TrainingSettings) if entry.name != "device"):
+        asked, found = getattr(recipe, name), getattr(settings, name)
+        same = asked == found or (asked is None and found == settled.get(name))
+        if name == "log_std" and asked is None:
+            same = recipe.initial_log_std == settings.initial_log_std
+        if not same:
+            return name
     return None
 
 

@@ -35,8 +35,13 @@ def declares(policy: object, name: str) -> bool:
     return name in vars(type(policy)) and bool(getattr(policy, name))
 
 
+def action_and_state(found: Any) -> tuple[Any, Any]:
+    """What `predict` gave: (action, state) where it is a tuple of two, else an action alone."""
+    return found if isinstance(found, tuple) and len(found) == 2 else (found, None)
+
+
 class PlainPolicy:
-    """A policy whose `predict` takes less than Stable-Baselines3's, or returns the action alone.
+    """A policy whose `predict` takes less than Stable-Baselines3's, or whose `reset` takes no seed.
 
     Args:
         policy: anything with a method predict(observation).
@@ -52,17 +57,15 @@ class PlainPolicy:
         reset = getattr(policy, "reset", None)
         self._reset = reset if callable(reset) else None
         self._seeded = self._reset is not None and bool(_taken(self._reset, ("seed",)))
+        if callable(begin := getattr(policy, "begin_scenario", None)):
+            self.begin_scenario: Callable[[Any], None] = begin
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[Any, Any]:
-        """The policy's action and state; it is handed what its signature takes.
-
-        What is returned is (action, state) where it is a tuple of two, else the action alone.
-        """
+        """The policy's action and state; it is handed what its signature takes."""
         known = {"state": state, "episode_start": episode_start, "deterministic": deterministic}
-        found = self._predict(observation, **{name: known[name] for name in self._taken})
-        return found if isinstance(found, tuple) and len(found) == 2 else (found, None)
+        return action_and_state(self._predict(observation, **{name: known[name] for name in self._taken}))
 
     def reset(self, seed: int | None = None) -> None:
         """Begin an episode, where the policy has such a method; the seed only where it takes one."""

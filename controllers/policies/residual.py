@@ -14,7 +14,7 @@ from ..model.gait_box import GAIT_NAMES, GAIT_SIZE, GaitLimits
 from ..model.nominal_gait import NOMINAL_SIZE, check_pelvis, nominal_gait_kernel, step_start_dcm_kernel
 from ..model.observation import COMMAND, DCM, ELAPSED
 from ..model.robot import RobotModel
-from .interface import Policy
+from .interface import Policy, action_and_state
 
 # What a learned correction of 1 means at factor 1, in the units of GAIT_NAMES: [m], [m], [s], [m], [m],
 # [rad/s^2], [rad/s^2].
@@ -209,7 +209,7 @@ class ResidualRule:
         Raises:
             InvalidValueError: the policy has a memory.
         """
-        base, state = self.policy.predict(observations)
+        base, state = action_and_state(self.policy.predict(observations))
         if state is not None:
             raise InvalidValueError(
                 "a residual on n robots needs a policy without memory: predict gave a state"

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.observation import ELAPSED
 from ...controllers.model.robot import GRAVITY
+from ...controllers.policies.interface import action_and_state
 from ...controllers.validation import require_choice, require_number
 from ...envs.biped.env import BipedEpisodes
 from ...envs.scenario.disturbances import Impactor, Payload, Slip, SteadyForce, Trip, WaistPull, WeightPull
@@ -235,8 +236,10 @@ class Lane:
         """One planning period; a robot that has fallen lies."""
         if self.over:
             return
-        action, self._memory = self.policy.predict(
-            self._seen, state=self._memory, episode_start=np.array([self._first]), deterministic=True
+        action, self._memory = action_and_state(
+            self.policy.predict(
+                self._seen, state=self._memory, episode_start=np.array([self._first]), deterministic=True
+            )
         )
         self._first = False
         self._seen, _, fell, late, self.info = self.env.step(action)

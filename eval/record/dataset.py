@@ -23,7 +23,7 @@ import gymnasium as gym
 import numpy as np
 
 from ...controllers.errors import InvalidValueError, MissingExtraError
-from ...controllers.policies.interface import Policy
+from ...controllers.policies.interface import Policy, action_and_state
 from ...envs.scenario.scenario import Scenario
 from .. import ceiling
 from ..hindsight import CEILING
@@ -69,7 +69,7 @@ class Collector(Observer):
     def predict(self, observation: Any, *words: Any, **named: Any) -> tuple[Any, Any]:
         """The policy's action and state."""
         seen = np.array(observation)
-        action, state = self._policy.predict(observation, *words, **named)
+        action, state = action_and_state(self._policy.predict(observation, *words, **named))
         self._asked = seen, np.array(action)
         return action, state
 

@@ -14,7 +14,7 @@ from gymnasium.wrappers import OrderEnforcing
 from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError
-from ...controllers.policies.interface import Policy, as_policy, declares
+from ...controllers.policies.interface import Policy, action_and_state, as_policy, declares
 from ...envs.biped.limits_record import LimitsReport
 from ...envs.episode.episodes import GaitEpisodes, Held, Mask, hold_action
 from ...envs.episode.gym_env import GaitEnv, check_action
@@ -166,8 +166,10 @@ def run_episodes(
         if steps[rows].max() >= MAX_STEPS:
             scenario = running[int(rows[steps[rows].argmax()])][1]
             raise InvalidValueError(f"scenario {scenario.id!r} did not end within {MAX_STEPS} steps")
-        action, state = policy.predict(
-            robots.observe(rows), state=state, episode_start=steps[rows] == 0, deterministic=True
+        action, state = action_and_state(
+            policy.predict(
+                robots.observe(rows), state=state, episode_start=steps[rows] == 0, deterministic=True
+            )
         )
         ended = robots.step(rows, action)
         steps[rows] += 1

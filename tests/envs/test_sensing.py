@@ -3,6 +3,7 @@
 Bipeds that act on their own sensors: no leak of the true state, repeatable, and sure within bounds.
 """
 
+import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -15,13 +16,14 @@ from push_recovery.controllers.array_table import Floats2
 from push_recovery.controllers.errors import UnknownNameError
 from push_recovery.controllers.estimation.base_estimate import Estimator, deviations
 from push_recovery.controllers.estimation.observe import Contacts
-from push_recovery.controllers.math3 import of_rotation, product, rotated
+from push_recovery.controllers.math3 import conjugate, of_rotation, product, rotated, rotation_of
 from push_recovery.controllers.model.robot import GRAVITY
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.kinematics import NU, PELVIS
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS, BipedCore
 from push_recovery.envs.biped.env import BipedEnv, BipedEpisodes
 from push_recovery.envs.biped.period import sensing_step
+from push_recovery.envs.robots.variants import ARMS_HELD
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import SENSING, Command, Scenario
@@ -444,3 +446,53 @@ def test_force_sensors_have_noise_of_their_own_of_the_stated_size(true, read):
         told.append([*read.load[0], *floor])
     np.testing.assert_allclose(np.std(told, axis=0), 2.0, rtol=0.12)
     assert np.abs(np.corrcoef(np.transpose(told)) - np.eye(5)).max() < 0.15
+
+
+def test_the_sensors_are_those_of_the_data_sheets():
+    degree, g = math.pi / 180.0, 9.81
+    assert SensorSettings()._asdict() == pytest.approx({
+        "rate_noise": 0.007 * degree * math.sqrt(250.0), "rate_bias": 0.05 * degree, "rate_walk": 2e-5,
+        "rate_scale": 0.001, "rate_range": 34.906585, "force_noise": 120e-6 * g * math.sqrt(250.0),
+        "force_bias": 0.02943, "force_walk": 1e-4, "force_scale": 0.005, "force_range": 156.96,
+        "angle_resolution": 4.79369e-5, "angle_noise": 2e-5, "angle_offset": 5e-4, "load_noise": 2.0,
+        "load_lag": 0.001, "load_least": 8.0,
+    }, rel=1e-7)  # fmt: skip
+
+
+def test_the_speed_that_a_robot_begins_with_is_not_gained(true):
+    true.qvel[0, :3] = 0.3, -0.2, 0.1
+    told = read_inertial(sensing(true), 0, 1, true, DT)
+    np.testing.assert_allclose(rotated(TILTED, told.change), [0.0, 0.0, DT * G], atol=1e-12)
+
+
+def test_an_estimate_begins_as_unsure_as_it_says(begin):
+    """Tilt of 3 mrad and speed of 2 cm/s, each axis; yaw is where the estimate says that it is."""
+    core, tilts, speeds = onboard_core(), [], []
+    for seed in range(120):
+        begin(core, 0, Scenario("a", command=Command(0.3), noise_seed=seed))
+        believed, true = tuple(core.estimate.attitude[0]), tuple(core.judged.qpos[0, 3:7])
+        tilts.append(rotation_of(product(believed, conjugate(true))))
+        speeds.append(core.estimate.velocity[0] - core.judged.qvel[0, :3])
+    np.testing.assert_allclose(np.std(tilts, axis=0), [0.003, 0.003, 0.0], rtol=0.25, atol=1e-9)
+    np.testing.assert_allclose(np.std(speeds, axis=0), 0.02, rtol=0.25)
+
+
+def test_on_a_slope_a_robot_believes_in_a_velocity_turned_by_it(begin):
+    core, found = onboard_core(), []
+    for slope in (0.0, 0.08):  # the same noise seed: the same error
+        begin(core, 0, Scenario("a", command=Command(0.5), errors=ModelErrors(slope_forward=slope)))
+        found.append(core.estimate.velocity[0].copy())
+    (x, _, z), less = core.judged.qvel[0, :3], np.cos(0.08) - 1.0
+    wanted = [x * less - z * np.sin(0.08), 0.0, x * np.sin(0.08) + z * less]
+    np.testing.assert_allclose(found[1] - found[0], wanted, atol=1e-4)  # x sin 0.08 is 0.048 m/s
+
+
+def test_held_joints_are_known_as_they_are():
+    episodes = BipedEpisodes(1, robot=ARMS_HELD, sensing="onboard")
+    episodes.begin(0, Scenario("a", (Push((0.0, 600.0, 0.0), 0.1, 0.0, "trunk"),)))
+    for _ in range(4):
+        episodes.step(np.zeros((1, 7), np.float32))
+    known, true = episodes.core.physics, episodes.core.judged
+    np.testing.assert_array_equal(known.qpos[0, 21:], true.qpos[0, 21:])
+    np.testing.assert_array_equal(known.qvel[0, 20:], true.qvel[0, 20:])
+    assert np.abs(true.qvel[0, 20:]).min() > 1e-3

@@ -10,9 +10,11 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.observation import ON_BOTH_FEET, SWING_CONTACT, SWING_POSITION
 from push_recovery.controllers.model.standing import max_standing_force
+from push_recovery.controllers.policies import two_stage
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, LEG_JOINT, PELVIS
+from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.model_errors import ModelErrors
-from push_recovery.envs.scenario.push import Kick, Push
+from push_recovery.envs.scenario.push import GaitEvent, Kick, Push
 from push_recovery.envs.scenario.scenario import HARDWARE, Command, CommandChange, Scenario
 
 from push_recovery import make_policy
@@ -313,3 +315,14 @@ def test_the_pelvis_of_a_stander_points_between_its_soles(stage, yaw):
         seen, *_ = env.step(policy.predict(seen)[0])
     axes = env.core.physics.xmat[0, PELVIS]
     assert math.atan2(axes[3], axes[0]) == pytest.approx(0.5 * yaw, abs=0.02)
+
+
+def test_a_step_that_begins_has_begun_for_a_stander_and_goes_no_further():
+    episodes = BipedEpisodes(3)
+    for k, event in enumerate((GaitEvent(0, "left"), GaitEvent(0, "left", 0.5), GaitEvent(1, "right"))):
+        push = Push((5.0, 0.0, 0.0), 0.1, event)
+        episodes.begin(k, Scenario(str(k), (push,), STAND, duration=9.0))
+    policy = two_stage.make_policy("two-stage", episodes.robot, episodes.limits, episodes.preset)
+    for _ in range(20):
+        episodes.step(policy.predict(episodes.core.observation)[0])
+    assert episodes.core.pushes.start[:, 0].tolist() == [0.0, np.inf, np.inf]

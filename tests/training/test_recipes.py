@@ -75,6 +75,59 @@ def test_what_a_recipe_leaves_open_is_no_difference():
     assert command_of(dataclasses.replace(settled, gamma=0.5), "x.json").endswith("--recipe x.json")
 
 
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("residual", {"scale": (0.5,) * 7}),
+        ("residual", {"log_std": -5.0}),
+        ("residual", {"initial": "scratch"}),
+        ("residual", {"wanted_kl": 0.01}),
+        ("residual", {"log_std_end": -3.0}),
+        ("residual", {"normalise_reward": True}),
+        ("residual", {"hold": 5}),
+        ("residual", {"inputs": ("observation",)}),
+        ("residual", {"starts": "reset"}),
+        ("residual", {"reward": "steps"}),
+        ("scratch", {"inputs": ("observation",)}),
+        ("joint", {"starts": "push"}),
+        ("joint-residual", {"reward": "environment"}),
+    ],
+)
+def test_what_no_environment_would_settle_is_a_difference(name, given):
+    given = dataclasses.replace(RECIPES[name], **given)
+    assert difference(RECIPES[name], given) in given.to_json()
+    assert command_of(given, "x.json").endswith("--recipe x.json")
+
+
+@pytest.mark.parametrize(
+    ("name", "settled"),
+    [
+        ("residual", {"hold": 2, "inputs": ("observation", "base", "gate", "margin"), "starts": "push",
+                      "reward": "recovery", "log_std": -2.0}),
+        ("scratch", {"hold": 2, "inputs": ("observation", "margin"), "starts": "push", "reward": "recovery"}),
+        ("joint", {"hold": 1, "inputs": ("observation",), "starts": "reset", "log_std": -1.5}),
+        ("joint-residual", {"hold": 1, "inputs": ("observation",), "starts": "push", "reward": "recovery"}),
+    ],
+)  # fmt: skip
+def test_what_the_environment_of_a_recipe_settles_is_none(name, settled):
+    assert difference(RECIPES[name], dataclasses.replace(RECIPES[name], **settled)) is None
+
+
+def test_minibatches_have_more_than_one_timestep():
+    with pytest.raises(InvalidValueError, match="minibatches of more than 1, got 1 for 8192 timesteps"):
+        TrainingSettings(batch_size=1)
+    with pytest.raises(InvalidValueError, match="minibatches of more than 1, got 64 for 67 timesteps"):
+        TrainingSettings(n_envs=1, n_steps=67, batch_size=64)
+    assert TrainingSettings(n_envs=1, n_steps=67, batch_size=67).minibatch == 67
+
+
+@pytest.mark.parametrize("given", [{"env_id": "PushRecovery/G1-v0"}, {"hold": 2}])
+def test_a_teacher_shows_the_biped_at_every_period_alone(given):
+    with pytest.raises(InvalidValueError, match=r"a teacher shows the joints of PushRecovery/BipedJoint-v0"):
+        TrainingSettings("joint", teacher=True, **given)
+    assert TrainingSettings("joint", teacher=True, env_id="PushRecovery/Biped-v0").teacher
+
+
 @pytest.fixture
 def trained(tmp_path, toy):
     """A policy file of a run with settings that are no recipe's, and these settings."""

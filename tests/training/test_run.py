@@ -164,6 +164,31 @@ def test_a_run_that_goes_on_from_an_older_checkpoint_gives_up_the_best_of_later(
     assert (out / "best.safetensors").read_bytes() == (out / "policy.safetensors").read_bytes()
 
 
+def test_what_is_given_up_is_no_best_to_beat(tmp_path, training_run_settings, curve_of):
+    """The 0.75 of 1024 went with what followed 768; of the points since, 0.25 and 0.5, the latter is kept."""
+    out = tmp_path / "run"
+    curve_of(0.5, 0.6, 0.75, 0.25, 0.5)
+    train(dataclasses.replace(training_run_settings, timesteps=1024), out)
+    resume(find_checkpoints(out)[0], 1536)
+    note = json.loads((out / "best.json").read_text())["training"]
+    assert (note["timesteps"], note["curve"][1]["recovered"]) == (1536, 0.6)
+
+
+def test_an_interrupt_of_the_last_evaluation_loses_nothing(tmp_path, training_run_settings, monkeypatch):
+    out, settings = tmp_path / "run", dataclasses.replace(training_run_settings, checkpoint_every=10_000)
+    run = Run(settings, out)
+
+    def evaluate(scored=run.evaluate):
+        if run.timesteps == 1024:
+            raise KeyboardInterrupt
+        scored()
+
+    monkeypatch.setattr(run, "evaluate", evaluate)
+    with closing(run), pytest.raises(KeyboardInterrupt):
+        run.train()
+    assert load_checkpoint(out).timesteps == 1024
+
+
 @pytest.mark.parametrize("left", [None, b"of another moment"])
 def test_a_best_that_a_kill_has_left_in_part_is_made_again(tmp_path, training_run_settings, curve_of, left):
     """Where the run is over already, its last point is scored again and stands in the curve once."""

@@ -9,6 +9,7 @@ import pytest
 from push_recovery.controllers.model import observation as layout
 from push_recovery.controllers.model.observation import PREVIOUS_ACTION, PUSH_ESTIMATE
 from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.whole_body.gait_machine import FLOOR
 from push_recovery.controllers.whole_body.kinematics import PELVIS, TRUNK
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.robots.biped import PLAN, biped_model
@@ -284,3 +285,16 @@ def test_the_rows_of_the_free_joint_hold_the_external_contacts_alone(random_stat
         np.testing.assert_allclose(data.qfrc_constraint[:3], total, atol=1e-8 * (1.0 + np.abs(total).max()))
     assert limited > 0
     assert internal > 0
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_height_counts_from_the_floor_and_contact_from_one_newton_on(random_state, robot_in, stance):
+    core, data = robot_in(*random_state(np.random.default_rng(7)), stance)
+    core.gait.height[0, FLOOR] = 0.3
+    swing = data.site_xpos[MODEL.site(PLAN.soles[1 - stance]).id]
+    for loads in ((1.01, 0.99), (0.99, 1.01)):
+        core.physics.load[0, [stance, 1 - stance]] = loads
+        seen = observe(core)
+        assert seen[layout.SWING_POSITION][2] == pytest.approx(swing[2] - 0.3, abs=1e-12)
+        found = seen[layout.STANCE_CONTACT], seen[layout.SWING_CONTACT]
+        assert found == tuple(float(load > 1.0) for load in loads)

@@ -592,3 +592,16 @@ def test_the_belief_does_not_hang_on_place_or_direction():
         sole.move(0.0, 0.1, 20)
         found.append([sole.move(s, 0.55, 1, heading) for s in (0.0, 0.5, 0.5, 0.5)])
     np.testing.assert_array_equal(found, [[FIRST, FIRST, FIRST, 0.55]] * 9)
+
+
+def test_a_stander_learns_the_friction_that_its_sole_slides_with(biped_core, begin):
+    """Sideways 6 of 12 N s, while the sole moves at 1 m/s."""
+    core = biped_core()
+    begin(core, 0, Scenario("a", command=Command(stand=True)))
+    core.gait.elapsed[0] = -1.0
+    for _ in range(3 + rules.SLIDING):
+        core.contacts.time[0], core.contacts.impulse[0] = PERIOD, (3.6, 4.8, 12.0)
+        for place in (rules.PLACE, rules.START):
+            core.known.stood[0, place] -= PERIOD
+        rules.learn_grip(core.known, 0, core.physics, core.gait, core.contacts)
+    assert core.known.grip[0] == 0.5

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
-from push_recovery.controllers.policies.interface import PlainPolicy, as_policy
+from push_recovery.controllers.policies.interface import PlainPolicy, action_and_state, as_policy
 from push_recovery.controllers.policies.two_stage import make_policy
 
 ACTION = np.ones(7, np.float32)
@@ -72,6 +72,26 @@ def test_what_is_known_of_a_plain_policy_is_what_the_policy_below_says():
 
     assert (as_policy(Planning()).config, as_policy(Planning()).statuses) == ("the planner's", ("solved",))
     assert (as_policy(Bare()).config, as_policy(Bare()).statuses) == (None, ())
+
+
+def test_a_plain_policy_begins_scenarios_where_the_policy_below_does():
+    class Told(Bare):
+        def begin_scenario(self, scenario):
+            self.begun = scenario
+
+    policy = Told()
+    as_policy(policy).begin_scenario("a")
+    assert policy.begun == "a"
+    assert not hasattr(as_policy(Bare()), "begin_scenario")
+
+
+def test_what_predict_gives_is_an_action_with_or_without_a_state():
+    two = np.zeros((2, 7))
+    for found in (two, (0.1,) * 7, [1.0, 2.0]):
+        assert action_and_state(found)[0] is found
+        assert action_and_state(found)[1] is None
+    assert action_and_state((two, "state"))[0] is two
+    assert action_and_state((two, "state"))[1] == "state"
 
 
 def test_a_tuple_of_seven_numbers_is_an_action_and_one_of_two_an_action_with_a_state():

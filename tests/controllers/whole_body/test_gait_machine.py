@@ -16,7 +16,7 @@ from push_recovery.envs.biped.posture import posture
 from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.scenario.model_errors import CONTROL_STEP
 from push_recovery.envs.scenario.push import GaitEvent, Push
-from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.envs.scenario.scenario import Command, Scenario
 
 SETTINGS = BIPED_GAIT
 
@@ -293,3 +293,38 @@ def test_it_may_stand_where_its_dcm_is_over_the_feet(robot_in, com, dcm, stands)
     bounds = BIPED_BOUNDS._replace(cop_x_max=0.1, cop_y_max=0.05)
     both, _memory = make_bounds(bounds, biped().motors, two_feet=True)
     assert gait_machine.may_stand(core.physics, core.gait, 0, SETTINGS, both) is stands
+
+
+@pytest.mark.parametrize("heading", [math.pi / 2, -2.0])
+def test_a_standers_torques_do_not_hang_on_its_heading(biped_core, begin, heading):
+    soles = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
+    qpos, qvel = posture(biped(), np.array([0.03, 0.02, 0.78]), np.array([0.05, -0.04, 0.0]), soles)
+    cos, sin, quat = math.cos(heading), math.sin(heading), np.empty(4)
+    spin, turned, moving = np.array([[cos, -sin], [sin, cos]]), qpos.copy(), qvel.copy()
+    mujoco.mju_axisAngle2Quat(quat, np.array([0.0, 0.0, 1.0]), heading)
+    mujoco.mju_mulQuat(turned[3:7], quat, qpos[3:7].copy())
+    turned[:2], moving[:2] = spin @ qpos[:2], spin @ qvel[:2]
+    core, torques = biped_core(1, 500.0), []
+    core.after_physics_step = lambda: torques.append(core.physics.ctrl[0].copy())
+    for yaw, state in ((0.0, (qpos, qvel)), (heading, (turned, moving))):
+        begin(core, 0, Scenario("a", command=Command(stand=True)))
+        core.put(0, *state)
+        core.gait.heading[0] = yaw
+        core.step(np.array([[0.0, 0.2, 1.0, 0.02, 0.07, 1.5, -1.0]]), np.ones((1, 7)))
+    assert core.gait.elapsed[0] == -1.0
+    np.testing.assert_allclose(torques[1], torques[0], atol=1e-9)
+
+
+@pytest.mark.parametrize("rise", [0.12, -0.12])
+def test_on_a_step_the_com_is_half_way_up_or_as_high_as_the_lower_leg_lets_it(random_state, robot_in, rise):
+    core, data = robot_in(*random_state(np.random.default_rng(1), 0.01))
+    sole, hips, com = sole_position(core.physics, 0, 0), data.xanchor[[3, 9]], data.subtree_com[0]
+    below = float(hips[1, 0]), float(hips[1, 1])
+
+    def height(s):
+        return gait_machine.reach_height(core.physics, 0, 0, sole, below, (0.0, 0.0), rise, s)[0]
+
+    assert height(SETTINGS._replace(reach=2.0)) == pytest.approx(0.8 + 0.5 * rise)
+    up = height(SETTINGS) + hips[:, 2] - com[2] - 0.06 - [0.0, rise]
+    aside = math.hypot(sole[0] - hips[0, 0], sole[1] - hips[0, 1]), 0.0
+    assert np.hypot(up, aside).max() == pytest.approx(SETTINGS.reach)  # one leg is straight

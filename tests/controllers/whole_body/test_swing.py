@@ -354,3 +354,10 @@ def test_a_pendulum_refuses_to_turn():
     message = "Pendulum-v0 does not turn: Command.turn must be 0 rad/s, got -0.2 in scenario 'bend'"
     with pytest.raises(InvalidValueError, match=message):
         PendulumEpisodes(1).begin(0, scenario)
+
+
+@pytest.mark.parametrize(
+    ("rise", "share"), [(0.0, 0.45), (0.05, 0.4), (-0.05, 0.5), (0.3, 0.35), (-0.3, 0.55)]
+)
+def test_up_a_step_a_foot_is_highest_sooner_and_down_a_step_later(rise, share):
+    assert swing.apex_phase_of(rise) == pytest.approx(share)

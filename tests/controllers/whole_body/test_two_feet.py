@@ -289,3 +289,20 @@ def test_a_robot_stands_still_and_carries_half_of_its_weight_on_each_foot(biped_
 @pytest.mark.parametrize(("load", "bears"), [(0.0, True), (300.0, True), (-1.0, False)])
 def test_a_foot_may_bear_nothing_and_never_pulls(load, bears):
     assert foot_bears(np.array([0.0, 0.0, load, 0.0, 0.0, 0.0]), AHEAD, LOOSE) is bears
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_no_bound_gives_a_leaving_foot_more_than_its_share(random_state, robot_in, stance):
+    rng, solved = np.random.default_rng(40 + stance), 0
+    bounds, _memory = make_bounds(FULL, MOTORS, two_feet=True)
+    for _ in range(20):
+        core, _ = robot_in(*random_state(rng, 0.1), stance)
+        core.physics.load[0] = 300.0
+        task = random_task(rng, core, stance, 2.0)
+        wrench, other, _, _ = torques(core, task, LOOSE, 0.2)
+        load = wrench[2] + other[2]
+        assert other[2] <= 0.2 * load + 1e-9
+        bounds.solution[:] = np.nan
+        assert torques(core, task, bounds, 0.2)[1][2] <= 0.2 * load + 1.0
+        solved += not np.isnan(bounds.solution).any()
+    assert solved > 10

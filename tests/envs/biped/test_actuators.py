@@ -123,3 +123,10 @@ def test_what_is_asked_for_too_long_is_not_given_for_ever():
     assert warmed(90.0, 6.1)[1] == 90.0
     assert warmed(90.0, 6.4)[1] < 90.0
     assert warmed(90.0, 400.0) == pytest.approx((1.0, 36.0), rel=1e-3)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_hot_drive_brakes_as_a_cold_one(way):
+    """By 30 x 2 / (1 + 30 dt / I) N m beyond its largest speed, however little it may still drive."""
+    assert given(0.0, way * 12.0, share=0.4) == pytest.approx(-way * 15.0)
+    assert given(0.0, way * 100.0, share=0.4) == -way * TOP

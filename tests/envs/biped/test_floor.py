@@ -327,3 +327,13 @@ def test_the_rise_is_that_under_the_foothold_of_a_turned_sole(biped_core, begin,
     core.gait.plan[0, :2], core.gait.elapsed[0] = (0.0, 0.4), core.gait.plan[0, 2]  # committed
     core._on_footholds(plan[None])
     assert core.gait.rise[0] == pytest.approx(rise)
+
+
+def test_the_gaits_that_are_asked_for_stay_the_callers_own(biped_core, begin):
+    core, errors = biped_core(), ModelErrors(terrain=EDGE.parts[0], floor_known=True)
+    asked = begin(core, 0, Scenario("a", errors=errors))[None]
+    asked[0, 0] = 0.25  # onto the edge
+    before = asked.copy()
+    moved = core._on_footholds(asked)
+    np.testing.assert_array_equal(asked, before)
+    assert moved[0, 0] == pytest.approx(LAST, abs=0.011)

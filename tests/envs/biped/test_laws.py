@@ -17,8 +17,10 @@ from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped import laws
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEnv, BipedEpisodes
+from push_recovery.envs.biped.model_errors import altered_model
 from push_recovery.envs.episode.vector_env import GaitVectorEnv
 from push_recovery.envs.pendulum.env import PendulumEpisodes
+from push_recovery.envs.robots.biped import PLAN, biped, biped_model
 from push_recovery.envs.scenario.arrays import NUMBERS, assign_pushes, empty_pushes
 from push_recovery.envs.scenario.disturbances import (
     Impactor,
@@ -733,3 +735,45 @@ def test_a_block_gives_back_half_the_speed():
 def test_a_payload_has_0_7_of_critical_damping():
     """2 x 0.7 x sqrt(2000 x 5)."""
     assert Payload(5.0, 0.5, 1.0, stiffness=2000.0).forces[0].law.damping == pytest.approx(140.0)
+
+
+def test_a_payload_lands_on_a_walker_with_the_walkers_own_speed_aside():
+    bench, forces = Bench(Payload(6.0, 0.2, 0.0, stiffness=3000.0)), []
+    for i in range(400):
+        bench.place[:2] = 0.3 * STEP * i, -0.2 * STEP * i
+        forces.append(bench())
+    assert np.min(forces) < -100.0
+    np.testing.assert_allclose(np.array(forces)[:, :2], 0.0, atol=1e-9)
+
+
+def test_an_impactor_is_held_back_after_twice_its_time_against_a_wall():
+    """T = pi / 2 sqrt(m / k) (1 + e) against a wall, and momentum m v."""
+    (push,) = Impactor(10.0, 2.0, 0.0, stiffness=4000.0, restitution=0.5).forces
+    assert push.duration == pytest.approx(math.pi * 0.05 * 1.5)
+    assert math.hypot(*push.impulse) == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize(
+    "part",
+    [TiltingPlatform(0.3, 2.0, 0.0, 0.5, acceleration=20.0), Platform(0.1, 0.5, 0.0, 1.0)],
+    ids=lambda part: part.json_name,
+)
+def test_control_believes_that_the_floor_is_at_rest(biped_core, begin, part):
+    core, data = biped_core(), mujoco.MjData(biped_model())
+    begin(core, 0, Scenario("a", disturbances=(part,)))
+    for _ in range(6):
+        action = POLICY.predict(core.observation)[0]
+        core.step(BIPED_LIMITS.from_action(action), action.astype(np.float64))
+    data.qpos[:], data.qvel[:] = core.physics.qpos[0], core.physics.qvel[0]
+    mujoco.mj_step1(biped_model(), data)
+    np.testing.assert_allclose(core.physics.bias[0], data.qfrc_bias, atol=1e-9)
+    assert np.abs(core.simulations.data[0].qfrc_bias - data.qfrc_bias).max() > 10.0
+
+
+@pytest.mark.parametrize(("errors", "count"), [(ModelErrors(), 1), (ModelErrors(floor_step=0.01), 5)])
+def test_a_slip_is_of_the_pairs_of_a_sole_with_floor_and_tiles_alone(errors, count):
+    model = altered_model(biped(), errors) or biped_model()
+    for sole in PLAN.sole_boxes:
+        pairs = laws.sole_pairs(model, sole)
+        assert len(pairs) == count
+        assert not model.geom_bodyid[model.pair_geom1[pairs]].any()  # the world's

@@ -227,7 +227,14 @@ def test_options_are_those_of_the_model():
     assert biped_model().opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
 
-@pytest.mark.parametrize("options", [PhysicsOptions(0.001, cone="elliptic"), PhysicsOptions(0.0005, "rk4")])
+@pytest.mark.parametrize(
+    "options",
+    [
+        PhysicsOptions(0.001, cone="elliptic"),
+        PhysicsOptions(0.0005, "rk4"),
+        PhysicsOptions(integrator="rk4"),
+    ],
+)
 def test_steps_of_control_are_plain_steps_of_mujoco(biped_core, begin, options):
     """Torques and push held for 2 ms: the state of mj_step to the last bit, and the mean of its forces."""
     core = biped_core()

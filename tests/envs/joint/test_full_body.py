@@ -409,3 +409,12 @@ def test_drives_that_nobody_names(arms):
     episodes = FullBodyEpisodes(1, robot=ARMS_HELD, servos=servos())
     elbow, inertia = episodes.joints.index("left_elbow"), 0.008 + 1.2 * 0.12**2 + 0.01
     assert episodes.core.drives.damping[elbow] == pytest.approx(2.0 * inertia * 60.0)
+
+
+def test_an_exact_robot_recovers_beside_one_on_its_own_sensors():
+    episodes = FullBodyEpisodes(2, servos=servos(1500.0, 30.0), control_hz=50.0)
+    episodes.begin(0, HOLD)
+    episodes.begin(1, replace(HOLD, sensing="onboard"))
+    for _ in range(60):
+        episodes.step(np.zeros((2, 14), np.float32))
+    assert episodes.monitor.state.recovered_at == pytest.approx([1.0, 1.0])

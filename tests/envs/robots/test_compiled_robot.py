@@ -329,3 +329,36 @@ def test_a_posture_beyond_the_range_of_a_knee_is_none():
     soles = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
     with pytest.raises(InvalidValueError, match="no posture"):
         posture(robot, np.array([0.0, 0.0, 0.75]), np.zeros(3), soles)
+
+
+@pytest.mark.parametrize(
+    ("part", "of", "values", "said"),
+    [
+        ("indices", ("actuator", "left_knee"), {"gainprm": [50.0] + 9 * [0.0]}, "gain 50"),
+        ("indices", ("actuator", "left_knee"),
+         {"biastype": mujoco.mjtBias.mjBIAS_AFFINE, "biasprm": [0.0, -3.0] + 8 * [0.0]}, "bias"),
+        ("motors", ("actuator", "left_knee"), {"forcerange": [-100.0, 300.0]}, "as large both ways"),
+        ("soles", ("site", "left_sole"), {"quat": [0.995, 0.0, 0.0998, 0.0]}, "not be turned in it"),
+        ("mirror", ("joint", "left_knee"), {"axis": [0.0, 0.98, 0.199]}, "mirror images"),
+    ],
+)  # fmt: skip
+def test_a_model_that_control_would_misread_is_refused(part, of, values, said):
+    def changed():
+        model = spec()
+        for field, value in values.items():
+            setattr(getattr(model, of[0])(of[1]), field, value)
+        return model
+
+    with pytest.raises(InvalidValueError, match=said):
+        getattr(CompiledRobot(replace(ROBOT, spec=changed)), part)
+
+
+def test_a_joint_with_two_motors_is_refused():
+    def changed():
+        model, joint = spec(), mujoco.mjtTrn.mjTRN_JOINT
+        model.add_actuator(name="again", target="left_knee", trntype=joint, forcelimited=True,
+                           forcerange=[-9.0, 9.0])  # fmt: skip
+        return model
+
+    with pytest.raises(InvalidValueError, match="must have one motor, got 2"):
+        _ = CompiledRobot(replace(ROBOT, spec=changed)).indices

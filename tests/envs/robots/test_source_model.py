@@ -342,3 +342,8 @@ def test_a_knee_without_a_range_bends_as_the_plan_says(file_of, bend, signs):
     file = file_of(words)
     plan = replace(file.plan, bend=(0.0, 0.0, -0.35, bend, -0.35, 0.0))
     assert CompiledRobot(description_of(replace(file, plan=plan))).knee_bend.tolist() == signs
+
+
+def test_a_joint_without_a_rotor_gets_one(robot_of):
+    words = Wording().text().replace('armature=".02" ', "")
+    assert set(robot_of(words).model.dof_armature[6:]) == {0.01}

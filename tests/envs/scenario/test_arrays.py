@@ -22,6 +22,7 @@ from push_recovery.envs.scenario.arrays import (
     empty_pushes,
     empty_schedule,
     follow,
+    may_stay,
     mean_force,
     resolve_starts,
     turn_forces,
@@ -297,3 +298,14 @@ def test_at_heading_0_the_frames_are_the_same():
     arrays = one_robot(Push(force, 0.1, 1.0, frame="heading"))
     turn_forces(arrays.force, arrays.frame, arrays.start, 0.0, 1.002)
     assert tuple(arrays.force[0]) == force
+
+
+@pytest.mark.parametrize(
+    ("command", "stays"),
+    [
+        ((0.0, 0.0, 0.0, 1.0), True), ((0.1, 0.0, 0.0, 0.0), True), ((0.0, -0.1, 0.0, 0.0), True),
+        ((0.0, 0.0, 0.2, 0.0), False), ((0.0, 0.0, 0.0, 0.0), False),
+    ],
+)  # fmt: skip
+def test_who_is_to_walk_to_any_side_may_stand_until_a_step_is_planned(command, stays):
+    assert may_stay(np.array(command)) is stays

@@ -246,3 +246,15 @@ def test_bad_ranges_name_the_bound(values, text):
         ErrorRanges(**values)
     with pytest.raises(InvalidValueError, match="errors must be ErrorRanges"):
         PushDistribution(errors=0.1)  # type: ignore[arg-type]
+
+
+def test_the_bounds_are_those_of_the_page():
+    five = math.radians(5.0)
+    assert {name: bounds[1:] for name, bounds in BOUNDS.items()} == {
+        "mass": (-0.5, 0.5), "payload": (0.0, 30.0), "friction": (0.2, 2.0), "slope_forward": (-five, five),
+        "slope_left": (-five, five), "delay": (0.0, 0.05), "dcm_noise": (0.0, 0.1),
+        "joint_noise": (0.0, 0.05), "floor_step": (0.0, 0.05), "joint_friction": (0.0, 20.0),
+        "joint_damping": (0.0, 20.0),
+        "armature": (0.0, 1.0), "motor_power": (1.0, 1e6), "bus_power": (1.0, 1e6),
+        "continuous_torque": (0.1, 1.0),
+    }  # fmt: skip

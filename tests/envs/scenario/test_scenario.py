@@ -441,3 +441,7 @@ def test_a_robot_begins_beside_its_nominal_start(name, command):
     assert leaning[DCM] - seen[DCM] == pytest.approx(START.com, abs=1e-9)
     assert mirrored == pytest.approx(leaning, abs=1e-9)
     env.close()
+
+
+def test_a_robot_on_its_own_sensors_stays_so_under_any_profile():
+    assert EXACT.applied(replace(PUSHED, sensing="onboard")).sensing == "onboard"

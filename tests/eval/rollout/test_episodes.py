@@ -213,6 +213,20 @@ def test_a_policy_begins_each_episode_with_the_scenario_and_its_noise_seed():
     assert policy.notes == [7, "a", True, False, False, 0, "b", True, False, False]
 
 
+class Alone:
+    """Takes all that there is, and gives the action alone."""
+
+    def predict(self, observation, **known):
+        assert list(known) == ["state", "episode_start", "deterministic"]
+        assert known["state"] is None
+        return 0.0
+
+
+def test_a_policy_that_takes_all_may_give_the_action_alone():
+    outcome = rollout(Scripted(False, True, {}), Alone(), Scenario("a"), "p")
+    assert outcome == rollout(Scripted(False, True, {}), Seeded(), Scenario("a"), "p")
+
+
 BIPED, RESIDUAL = "PushRecovery/Biped-v0", "PushRecovery/BipedResidual-v0"
 LATE = polar_push(150.0, 2.0, 0.2, GaitEvent(2, "right", 0.5))
 SCENARIOS = (
