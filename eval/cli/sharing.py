@@ -198,6 +198,9 @@ class PolicyCommand(JsonOption):
         str | None, arg(metavar="NAME|FILE", help_behavior_hint="(default: the one with its joints)")
     ] = None
     """Robot of check: its name or robot file."""
+    trust: options.Flag = False
+    """Let check load a network in TorchScript, which runs the code that is in it, as you
+    (docs/reliability.md)."""
 
     def run(self) -> None:
         """Read, write, print; with check: run the controls."""
@@ -218,7 +221,7 @@ class PolicyCommand(JsonOption):
         from ..robot_tools import policy_check
 
         robot = self.robot or policy_check.robot_of(contract)
-        found = policy_check.diagnose(contract, policy_check.Controls(robot))
+        found = policy_check.diagnose(contract, policy_check.Controls(robot, self.trust))
         rows = [
             (name, f"{c.command.vx:g}, {c.command.vy:g}, {c.command.turn:g}",
              "-" if c.fell_at is None else f"{c.fell_at:.2f}",

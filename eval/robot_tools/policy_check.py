@@ -88,9 +88,9 @@ class Control:
 class Controls:
     """Runs unpushed controls of policies on one robot; one environment serves policies with equal servos."""
 
-    def __init__(self, robot: str):
-        """Take a robot by its name, robot file or `module:attribute`."""
-        self._robot = robot
+    def __init__(self, robot: str, trusted: bool = False):
+        """Take a robot by its name, robot file or `module:attribute`; `trusted`: see `Contender`."""
+        self._robot, self._trusted = robot, trusted
         self._joints = joint_names(compiled_robot(driven(robot_description(robot))))
         self._made: tuple[Any, Any] = (None, None)  # servos and rate, and their environment
 
@@ -109,7 +109,8 @@ class Controls:
             seen.append((gait.time.item(0), *robots.episodes.core.com[0].tolist(), gait.heading.item(0)))
 
         scenario = Scenario("control", command=command, duration=seconds)
-        outcome = rollout(env, Contender(contract, env.unwrapped.episodes), scenario, "control", look)
+        policy = Contender(contract, env.unwrapped.episodes, self._trusted)
+        outcome = rollout(env, policy, scenario, "control", look)
         time, x, y, heading = np.array(seen).T
         late = time >= min(SETTLED, 0.5 * time[-1])
         way, facing = np.diff([x[late], y[late]]), np.unwrap(heading[late])

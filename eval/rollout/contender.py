@@ -103,7 +103,7 @@ class Contender:
         if self._script and not trusted:
             raise InvalidValueError(
                 f"policy {contract.name!r} has a network in TorchScript, and loading one may run its code: "
-                "where you trust it, evaluate and compare take --trust"
+                "where you trust it, evaluate, compare and policy check take --trust"
             )
         self._shared, self._turned = self._load(), gaitkeeper("terms").quat_to_mat
 

