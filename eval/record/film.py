@@ -65,6 +65,7 @@ class Shot(EpisodeWords):
         self.times: list[float] = []  # of the frames, since reset [s]
         self._period, self._count = period, 0
         self._every = max(1, round(1.0 / (rate * period)))
+        self.rate = 1.0 / (self._every * period)  # of the frames, in the robot's time [1/s]
 
     def __call__(self, robot: GymRobot) -> None:
         """Look after reset or a step."""
@@ -280,8 +281,8 @@ def episode_film(shot: Shot, suffix: str) -> bytes:
     """One episode as mp4 or GIF, at the speed of time."""
     frames = [compose([shot], time - shot.push_start, 1.0) for time in shot.times]
     if suffix == ".mp4":
-        return mp4_bytes(frames, FILM_RATE)
-    return gif_bytes(frames[::2], FILM_RATE / 2, COLOURS)
+        return mp4_bytes(frames, shot.rate)
+    return gif_bytes(frames[::2], shot.rate / 2, COLOURS)
 
 
 WIDTH = 1.5  # of a picture [inch]

@@ -194,7 +194,7 @@ class Recorder:
             point = observation.point_in_world(frame, *origin, float(plan[place]), float(plan[place + 1]))
             put(form, "x y", (NAN, NAN) if unknown else point)
         row["planned_duration"] = NAN if unknown else plan[gait_box.DURATION]
-        turn = plan[gait_box.TRUNK : gait_box.TRUNK + 2] * (1.0, sign)
+        turn = (NAN, NAN) if unknown else plan[gait_box.TRUNK : gait_box.TRUNK + 2] * (1.0, sign)
         put("planned_trunk_{}_acceleration", "pitch roll", turn)
         row.update(zip(self.torques, self._torque(row), strict=True))
         span = row["time"] - self._time

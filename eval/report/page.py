@@ -158,7 +158,7 @@ def beside_axis(label: str) -> str:
     """A label cut in its middle where it is too long to stand beside an axis."""
     if len(label) <= LONGEST_LABEL:
         return label
-    half = LONGEST_LABEL // 2 - 1
+    half = (LONGEST_LABEL - 3) // 2
     return f"{label[:half]}...{label[-half:]}"
 
 

@@ -124,6 +124,7 @@ def effort_summary(evaluation: Evaluation) -> tuple[int, dict[str, dict[str, flo
     """How many pushes all policies recover from, and medians over them by policy, in the rows' own units.
 
     A policy that recovers from none stands aside. None where no row has a measure, as of a pendulum's motors.
+    What follows from the end of an episode is of those that end a settling time after the last push.
     """
     aside = recovering_from_none(evaluation)
     able = [place for place, name in enumerate(evaluation.rows) if name not in aside]
@@ -136,7 +137,7 @@ def effort_summary(evaluation: Evaluation) -> tuple[int, dict[str, dict[str, flo
     found: dict[str, dict[str, float | None]] = {policy: {} for policy in evaluation.rows}
     for place, summary in enumerate(found.values()):
         for name in shown_measures():
-            pairs = free if place in able else []
+            pairs = (together if MEASURES[name].value is None else free) if place in able else []
             values = (measure_of(name, rows[place], scenario) for scenario, rows in pairs)
             known = [value for value in values if value is not None]
             summary[name] = statistics.median(known) if known else None

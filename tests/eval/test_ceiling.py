@@ -255,3 +255,9 @@ def test_means_and_medians_are_told_apart_and_pushes_that_never_come_are_left_ou
     ]
     (tmp_path / "outcomes.jsonl").write_text("".join(json.dumps(one) + "\n" for one in rows))
     assert list(stored.Answers.of_searches(tmp_path).sequences) == ["a"]
+
+
+def test_a_ceiling_says_how_much_was_searched():
+    found = hand_written().to_dict()["search"]
+    names = "searched", "answered", "attempts", "budget", "neighbours", "neighbours_recovered"
+    assert [found[name] for name in names] == [2, 1, 1344, 1280, 24, [0.75]]

@@ -262,3 +262,10 @@ def test_draws_hang_on_the_scenario_and_the_seed_alone():
     assert hindsight.generator_of(0, replace(LIGHT)).random(4).tolist() == first
     for other in (hindsight.generator_of(1, LIGHT), hindsight.generator_of(0, replace(LIGHT, noise_seed=1))):
         assert other.random(4).tolist() != first
+
+
+def test_neighbours_count_where_the_same_corrections_recover_them(searcher, monkeypatch):
+    attempts = ToldAttempts(([0.0] * 24, (0, 3, 23)))
+    monkeypatch.setattr(hindsight, "run_attempts", attempts)
+    assert searcher.neighbours_recovered(None, LIGHT, ROWS) == 3
+    np.testing.assert_array_equal(attempts.tried[0], np.stack([ROWS] * 24))

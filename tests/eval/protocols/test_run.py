@@ -8,7 +8,7 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL
-from push_recovery.envs.scenario.scenario import Command
+from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.tables import markdown_page
 from push_recovery.eval.protocols import run as running
@@ -177,3 +177,12 @@ def test_summaries_and_notes_hold_their_numbers():
     small = tour_note(replace(tour, robot=RobotModel(com_height=0.2)))
     assert "published forces, up to 500 N" in small
     assert "up to 0.25 and aside at 0.10 m/s" in small
+
+
+def test_a_tour_lasts_90_s_at_most_and_published_cells_stand_under_their_columns(tmp_path):
+    row = {"survived": True, "end_time": 90.02, "position_errors_cm": [1.0], "heading_errors_deg": [1.0]}
+    assert tour_summary([row])["survival_s"] == 90.0
+    protocol = PushProtocol("tour", "stated", ROBOT, (Scenario("tour-0000"),))
+    published = tour_table(Results(protocol, BIPED, {}, tmp_path)).rows[0]
+    assert published[0] == "gr00t_wbc h066_p012 (published)"
+    assert published[1:] == ("5120", "80/69 %", "", "84.9/82.2", "16/49", "7/8")

@@ -50,6 +50,7 @@ def test_the_correction_of_a_step_is_the_mean_of_what_was_added(constant):
     np.testing.assert_allclose(pushed_step[[0, 1, 2, 5, 6]], 0.0, atol=1e-7)
     assert (np.abs(pushed_step[[3, 4]]) > 0.2 * most[[3, 4]]).any()
     assert (np.nan_to_num(one.corrections) <= most + 1e-6).all()
+    assert np.nanmin(one.corrections) > -1e-6  # the network says +0.5: nothing is planned lower
     assert one.impulse == pytest.approx(90.0)
 
 
@@ -142,3 +143,8 @@ def test_to_the_left_is_inward_on_the_left_foot_and_steps_count_from_the_push_on
     one = corrections.corrections_of(episode, np.arange(6.0)[:, None] * np.ones(7), False)
     assert one.psi == pytest.approx(sign * psi)
     assert one.corrections[:, 0].tolist() == [1.5, 3.5, 5.0]
+
+
+def test_points_of_the_figure_go_from_backward_over_inward_to_outward():
+    names = [corrections.SECTORS[k] for k in corrections.ORDER[::2]]
+    assert names == ["backward", "inward", "forward", "outward", "backward"]

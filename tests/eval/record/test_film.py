@@ -222,3 +222,40 @@ def test_what_was_trusted_is_filmed_as_it_was_scored(monkeypatch, evaluation):
     found = evaluation({"a": "rf", "b": "rr"})
     films.film_discordant(found, 1, [{"a": trusted}, "b"])
     assert taken == [{"a": trusted}, {"b": "b"}]
+
+
+def test_of_a_wide_frame_the_middle_is_kept():
+    """Of 4 rows 3 : 2 allows 6 columns, and 5 : 1 all ten."""
+    frame = np.repeat(np.arange(10, dtype=np.uint8)[None, :, None], 4, axis=0).repeat(3, axis=2)
+    assert films.middle(frame, (3, 2))[0, :, 0].tolist() == [2, 3, 4, 5, 6, 7]
+    assert films.middle(frame, (5, 1)).shape == (4, 10, 3)
+
+
+def test_a_sheet_is_squeezed_where_the_episode_ends_early():
+    """Pushed at 1 s and down at 1.8 s: 2 s become 0.8 s."""
+    seen = shot(end=1.8, failure_reason="com_height")
+    seen.frames = [np.full((48, 64, 3), round(200 * max(time - 1.0, 0.0)), np.uint8) for time in seen.times]
+    picture, (width, height) = np.asarray(Image.open(io.BytesIO(films.strip(seen)))), films.STRIP_PANEL
+    row, columns = films.LINE + height // 2, [c * (width + films.GAP) + width // 2 for c in range(6)]
+    assert picture[row, columns, 0].tolist() == pytest.approx([4, 20, 40, 64, 104, 160], abs=1)
+
+
+@pytest.mark.parametrize(("period", "rate"), [(0.01, 25.0), (0.05, 20.0), (0.02, 25.0), (0.025, 20.0)])
+def test_a_film_of_one_episode_runs_at_the_speed_of_time(monkeypatch, period, rate):
+    """At any planning rate; a GIF has every second frame."""
+    said = []
+
+    def compose(shots, after, speed):
+        said.append((round(after, 6), speed))
+        return np.full((8, 8, 3), 9 * len(said), np.uint8)
+
+    monkeypatch.setattr(films, "compose", compose)
+    monkeypatch.setattr(films, "mp4_bytes", lambda frames, rate: (len(frames), rate))
+    seen, frame = films.Shot("p", period), np.zeros((48, 64, 3), np.uint8)
+    seen.times = [round(0.9 + i / rate, 6) for i in range(5)]
+    seen.frames = [frame] * 5
+    monkeypatch.setattr(films.Shot, "push_start", 1.0)
+    assert films.episode_film(seen, ".mp4") == (5, pytest.approx(rate))
+    assert said == [(round(time - 1.0, 6), 1.0) for time in seen.times]
+    gif = Image.open(io.BytesIO(films.episode_film(seen, ".gif")))
+    assert (gif.n_frames, gif.info["duration"]) == (3, 2000 / rate)

@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 from matplotlib.axes import Axes
 from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.eval.record import style
 from push_recovery.eval.record.plot import LearningCurve, learning_curve, save_learning_curves
 
 POINTS = [
@@ -63,3 +64,15 @@ def test_the_command_prints_the_ends_and_draws(file, tmp_path):
     first = f"{file}, hardware: 0.500 -> 0.750 after 1500000 actions"
     assert done.stdout.splitlines()[0] == first
     assert len(list((tmp_path / "out").glob("curves-*.svg"))) == 1
+
+
+def test_a_learning_curve_is_drawn_over_millions_with_wilsons_band(monkeypatch, tmp_path):
+    """20 of 40: 0.352 to 0.648."""
+    seen = []
+    monkeypatch.setattr(style, "save", lambda figure, directory, stem: seen.append(figure) or [])
+    curve = LearningCurve("mine", "hardware", (0, 1_500_000), (0.5, 0.75), 40)
+    save_learning_curves([curve], [("two-stage", 0.8)], tmp_path, "curves")
+    (axes,) = seen[0].axes
+    assert axes.lines[0].get_xydata().tolist() == [[0.0, 0.5], [1.5, 0.75]]
+    assert axes.collections[0].get_paths()[0].vertices[:, 1].min() == pytest.approx(0.352, abs=5e-4)
+    assert axes.get_ylim() == pytest.approx((0.45, 1.02))

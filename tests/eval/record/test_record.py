@@ -16,13 +16,14 @@ from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.api import rollout
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.record import plot, style
 from push_recovery.eval.record import record as records
 from push_recovery.eval.record import words as wording
 from push_recovery.eval.record.plot import write_plot
 from push_recovery.eval.record.record import record
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.eval.rollout.outcome import NOT_SETTLED, REASONS, reason_words
+from push_recovery.eval.rollout.outcome import NOT_SETTLED, REASONS, Ending, Outcome, reason_words
 
 PUSH = Push((90.0, 160.0, 0.0), 0.1, GaitEvent(2, "left", 0.4))
 SHOVED = Scenario("shoved", (PUSH, Push((0.0, -80.0, 0.0), 0.033, 1.6)), Command(0.15), settle_time=1.0)
@@ -251,3 +252,57 @@ def test_contacts_rates_and_planned_cop(shoved, episode):
         np.testing.assert_allclose(shoved[f"trunk_{axis}_rate"][1:-1], rate, atol=0.05)
     off = episode.points("planned_cop")[:-1] - episode.points("cop")[1:]
     assert np.nanmedian(np.abs(off)) < 1e-9
+
+
+def test_commands_and_heights_are_recorded_by_their_names(shoved, episode):
+    found = record("stage-1", Scenario("w", command=Command(0.1, -0.05, 0.2), duration=0.05))
+    assert [found[f"command_{name}"][-1] for name in ("vx", "vy", "turn", "stand")] == [0.1, -0.05, 0.2, 0.0]
+    sinks = record("passive", Scenario("x", duration=4.0))
+    assert sinks.outcome.failure_reason == "com_height"
+    assert sinks["com_z"][-1] < 0.7 < 0.79 < sinks["com_z"][0]
+    assert shoved.sole == episode.sole == (0.2, 0.1)
+
+
+def test_a_pendulum_does_what_was_planned():
+    """A step lasts as long as planned, and the trunk's rate changes by the planned acceleration."""
+    found = record("two-stage", SHOVED, PENDULUM)
+    landed = np.flatnonzero(np.diff(found["step"])) + 1
+    planned = found["planned_duration"][landed[1:] - 1]
+    np.testing.assert_allclose(planned, np.diff(found["time"][landed]), atol=0.0101)
+    within = np.diff(found["step"]) == 0
+    for axis in ("roll", "pitch"):
+        came = np.diff(found[f"trunk_{axis}_rate"]) / np.diff(found["time"])
+        asked = found[f"planned_trunk_{axis}_acceleration"]
+        np.testing.assert_allclose(asked[1:][within], came[within], atol=1e-6)
+        assert np.isnan(asked[landed]).all()  # of the step that has ended
+    largest = np.abs(found["planned_trunk_roll_acceleration"][1:][within]).max()
+    assert largest == pytest.approx(150.0 / 8.0)
+
+
+def test_a_figure_draws_touchdowns_pushes_soles_and_torques(episode, monkeypatch):
+    spans = []
+    monkeypatch.setattr(style, "shade_push", lambda axes, *span: spans.append(span))
+    with style.print_style():
+        left, forward, trunk, torques = plot.draw(episode).axes
+    assert set(spans) == {(0.5, 0.1)}
+    landed = episode["time"][np.flatnonzero(np.diff(episode["step"])) + 1]
+    marks = [line.get_xdata()[0] for line in trunk.lines if line.get_color() == style.STEP_COLOUR]
+    assert marks == landed.tolist()
+    largest = np.maximum(*(np.abs(episode[f"torque_trunk_{lean}"]) for lean in ("pitch", "roll")))
+    np.testing.assert_allclose(torques.lines[0].get_ydata(), largest / 150.0)
+    for axes, axis, half in ((left, "y", 0.05), (forward, "x", 0.1)):
+        soles = np.array([episode[f"{side}_sole_{axis}"] for side in ("left", "right")])
+        low = min(soles.min() - half, episode[f"com_{axis}"].min())
+        assert axes.get_ylim()[0] == pytest.approx(low - 0.06)
+
+
+@pytest.mark.parametrize(
+    ("ending", "words"),
+    [
+        (Ending(False, 6.0, 4.25, None, 0.0), "recovered, from 4.25 s on"),
+        (Ending(False, 6.0, None, None, 0.0), "survived 6.00 s, not settled"),
+        (Ending(True, 3.5, 2.0, "com_height", 0.0), "fell after 3.50 s (sank too low)"),
+    ],
+)
+def test_a_verdict_says_how_an_episode_ended(ending, words):
+    assert wording.verdict(Outcome.of(Scenario("a"), "p", ending, 1)) == words

@@ -10,6 +10,7 @@ from PIL import Image
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.eval.record.film import StripCamera
 from push_recovery.eval.report import evaluation as episodes
+from push_recovery.eval.report import page
 from push_recovery.eval.report.evaluation import labelled
 
 
@@ -65,3 +66,11 @@ def test_pictures_stand_in_the_page_and_without_opengl_it_says_why(evaluation, m
     assert episodes.picture_part(found) == episodes.PicturePart(reason="no OpenGL here")
     of_pendulum = evaluation({"a": "rr", "b": "rf"})
     assert episodes.picture_part(of_pendulum) == episodes.PicturePart()
+
+
+def test_parts_of_a_bar_stand_beside_each_other(evaluation, monkeypatch):
+    monkeypatch.setattr(page, "to_svg", lambda figure, words: figure)
+    (axes,) = episodes.ending_figure(evaluation({"p": "rsff", "q": "rrrs"})).axes
+    bars = {part.get_label(): [(bar.get_x(), bar.get_width()) for bar in part] for part in axes.containers}
+    assert bars == {"recovered": [(0, 1), (0, 3)], "did not settle": [(1, 1), (3, 1)],
+                    "sank too low": [(2, 2), (4, 0)]}  # fmt: skip

@@ -1,13 +1,15 @@
 """The page of a frontier on rows written by hand."""
 
+import math
 import shlex
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from push_recovery.envs.scenario.scenario import AT_REST
 from push_recovery.eval.cli.main import parse
 from push_recovery.eval.cli.score import Frontier as FrontierOptions
-from push_recovery.eval.report import frontier
+from push_recovery.eval.report import frontier, page
 from push_recovery.eval.report.frontier import frontier_table
 from push_recovery.eval.report.page import Command, command_of
 from push_recovery.eval.score.frontier import Frontier, FrontierSettings
@@ -92,3 +94,20 @@ def test_the_page_says_what_was_measured(found):
     assert path == found.directory / "report.html"
     assert "walks in place" in text
     assert text.count("<svg") == 2
+
+
+def test_the_map_of_a_page_goes_from_forward_to_the_left_and_holds_every_limit(found, monkeypatch):
+    monkeypatch.setattr(page, "to_svg", lambda figure, words: figure)
+    monkeypatch.setattr(frontier, "CURVE_STEP", 45.0)
+    (_, figure), _ = frontier._figures(found)
+    (axes,) = figure.axes
+    assert [text.get_text() for text in axes.get_xticklabels()][::2] == [
+        "forward",
+        "left",
+        "backward",
+        "right",
+    ]
+    lines = {line.get_label(): line for line in axes.lines}
+    np.testing.assert_allclose(lines["p"].get_xdata(), [0.0, math.pi / 2, math.pi, 0.0])
+    assert lines["p"].get_ydata().tolist() == [140.0, 100.0, 100.0, 140.0]
+    assert axes.get_ylim()[1] == pytest.approx(1.05 * max(lines[frontier.OWN].get_ydata()))

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from push_recovery.eval.output.statistics import PairedCounts
-from push_recovery.eval.report import headline
+from push_recovery.eval.report import headline, page
 from push_recovery.eval.report.evaluation import SIGNS, scenario_lines
 from push_recovery.eval.report.page import Command, outcome_words, scenario_words, short_labels
 from push_recovery.eval.score.report import p_words, pairs_table, points, ranked
@@ -219,3 +219,19 @@ def test_a_page_of_two_long_names_has_a_name_that_a_file_can_have(tmp_path):
     other = Command(("compare", "a" * 120, "c" * 120)).page(tmp_path)
     assert len(long) < 40
     assert long != other
+
+
+def test_marks_of_the_rates_are_survived_and_recovered_with_its_interval(evaluation, monkeypatch):
+    """Wilson of 1 of 4 is 4.6 to 69.9 %."""
+    monkeypatch.setattr(page, "to_svg", lambda figure, words: figure)
+    (axes,) = headline.rate_figure({"exact": evaluation({"p": "rssf", "q": "rrrr"})}).axes
+    assert [line.get_xdata().tolist() for line in axes.lines[:2]] == [[75.0, 100.0], [25.0, 100.0]]
+    assert axes.collections[0].get_segments()[0][:, 0] == pytest.approx([4.6, 69.9], abs=0.05)
+
+
+def test_a_profile_is_how_many_strata_lie_above(monkeypatch):
+    monkeypatch.setattr(page, "to_svg", lambda figure, words: figure)
+    scores = {"even": np.tile([1.0, 0.0], 4)[None], "uneven": np.repeat([1.0, 0.0], 4)[None]}
+    (axes,) = headline.profile_figure(scores, np.repeat([0, 1], 4)).axes
+    for line, shares in zip(axes.lines, ((100.0, 0.0), (50.0, 50.0)), strict=True):
+        assert np.interp([47.0, 51.0], line.get_xdata(), line.get_ydata()) == pytest.approx(shares)

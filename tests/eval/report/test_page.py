@@ -4,9 +4,12 @@ import re
 import shlex
 from html import escape
 
+import pytest
+from push_recovery.envs.scenario.disturbances import Slip
+from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.cli.main import parse
 from push_recovery.eval.cli.score import Compare, Evaluate
-from push_recovery.eval.report.page import command_of, unbroken
+from push_recovery.eval.report.page import beside_axis, command_of, scenario_words, unbroken
 
 
 def test_a_command_says_what_decides_outcomes_and_is_no_default():
@@ -62,3 +65,21 @@ def test_a_replay_is_the_same_scenario_for_play():
     assert play.out == "hard-0007-runs-a-policy.safetensors.png"
     assert (play._scenario().id, play._scenario().sensing) == ("hard-0007", "onboard")
     assert "--profile" not in command_of("evaluate", options).replay("exact", "hard-0007", "two-stage")
+
+
+@pytest.mark.parametrize("length", [24, 25, 30])
+def test_a_label_beside_an_axis_is_as_long_as_there_is_room(length):
+    label = "".join(chr(ord("a") + i % 26) for i in range(length))
+    cut = beside_axis(label)
+    assert len(cut) <= 24
+    assert (cut == label) == (length == 24)
+    assert (cut[:10], cut[-10:]) == (label[:10], label[-10:])
+
+
+def test_a_scenario_is_told_by_what_is_pushed_and_how_it_walks():
+    assert scenario_words(Scenario("a")) == "no push, walking in place"
+    assert scenario_words(Scenario("a", command=Command(turn=0.3))) == "no push, turning"
+    slip = Slip("left", 0.1, 1.0, 0.3)
+    assert (
+        scenario_words(Scenario("a", disturbances=(slip,), command=Command(0.2))) == "slip, walking forward"
+    )

@@ -187,3 +187,28 @@ def test_the_share_of_a_stander_is_that_of_its_feet_astride(side, left):
         (found,) = parts.mapped_pushes(env, [scenario])
     limit = max_standing_force(RobotModel(), 0.6, 0.1, feet=Feet((0.2, left)))
     assert found.share == pytest.approx(225.0 / limit)
+
+
+@pytest.mark.parametrize(
+    ("stands", "left", "right"), [(False, "stance\nside", "swing\nside"), (True, "left", "right")]
+)
+def test_the_map_has_each_push_where_it_goes_and_names_its_sides(monkeypatch, stands, left, right):
+    """Counter-clockwise from the top; on a left stance the left is the stance side."""
+    monkeypatch.setattr(parts, "to_svg", lambda figure, words: figure)
+    places = {"a": (0.1, 0.4), "b": (-0.2, 0.9), "c": (math.pi / 2, 1.4)}
+    pushes = [parts.MappedPush(name, *place, stands) for name, place in places.items()]
+    rows = {"a": {"recovered": True, "survived": True}, "b": {"recovered": False, "survived": True},
+            "c": {"recovered": False, "survived": False}}  # fmt: skip
+    (axes,) = parts.direction_figure("p", pushes, rows).axes
+    drawn = [marks.get_offsets().tolist()[0] for marks in axes.collections[:3]]
+    assert drawn == [list(place) for place in places.values()]
+    texts = ((text.get_text().partition("\n")[2], text.get_position()[0]) for text in axes.texts)
+    rim, quarter = {words: angle for words, angle in texts if words}, math.pi / 2
+    assert rim == pytest.approx({"forward": 0.0, left: quarter, "backward": 2 * quarter, right: 3 * quarter})
+    assert (axes.get_theta_direction(), axes.get_theta_offset()) == (1, pytest.approx(quarter))
+
+
+def test_a_staircase_goes_on_to_the_longest_episode(monkeypatch):
+    monkeypatch.setattr(parts, "to_svg", lambda figure, words: figure)
+    (axes,) = parts.survival_figure({"p": kaplan_meier([1.0, 3.0], [True, False])}, 4.0).axes
+    assert axes.lines[0].get_xydata().tolist() == [[0.0, 100.0], [1.0, 50.0], [3.0, 50.0], [4.0, 50.0]]

@@ -1,14 +1,21 @@
 """The N-step capture basin: theory against simulated states, and what the pendulum needs."""
 
 import json
+import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from push_recovery.controllers.model.capturability import n_step_offset, recoverable_offset
 from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.nominal_gait import nominal_gait
+from push_recovery.controllers.model.observation import DCM, TRUNK_ANGLE, TRUNK_RATE
 from push_recovery.controllers.model.robot import RobotModel
+from push_recovery.envs.scenario.push import GaitEvent
+from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.cli.main import main
+from push_recovery.eval.score import basin as basins
 from push_recovery.eval.score.basin import Basin, Grid, basin_table
 
 ROBOT = RobotModel()
@@ -111,3 +118,63 @@ def test_points_are_counted_by_their_steps():
         {"p": [[0, 2, 1], [5, 3, None]]}, Path(),
     )  # fmt: skip
     assert basin_table(found).rows == [("closed form", *"1210110"), ("p", *"1111111")]
+
+
+ENV = SimpleNamespace(unwrapped=SimpleNamespace(robot=ROBOT, limits=LIMITS))
+
+
+def test_steps_are_counted_once_from_the_push_on():
+    counter, truth, found = basins.StepsToCapture(ENV), np.zeros((1, 36)), []
+    counter.begin(None, 0, Scenario("a"))
+    core = SimpleNamespace(pushes=SimpleNamespace(start=np.array([[3.0]])), truth=truth)
+    for time, steps, dcm in ((3.0, 4, 0.0), (3.01, 4, 0.5), (3.6, 5, 0.0), (4.0, 6, 0.0)):
+        truth[0, 1] = dcm
+        motion = SimpleNamespace(time=np.array([time]), steps=np.array([steps]))
+        episodes = SimpleNamespace(core=core, motion=lambda motion=motion: motion)
+        counter.after_step(SimpleNamespace(episodes=episodes), np.array([0]))
+        found.append(dict(counter.steps))
+    assert found == [{}, {}, {"a": 1}, {"a": 1}]
+
+
+def test_the_sole_and_what_the_trunk_has_left_catch_in_place():
+    """At rest by a bang-bang swing; none towards where the trunk leans to its stop, more the other way."""
+    counter, lean, torque = basins.StepsToCapture(ENV), ROBOT.trunk_angle_max, ROBOT.trunk_torque_max
+    swing = math.sqrt(lean * ROBOT.trunk_inertia / torque)
+    reserve = torque / (ROBOT.mass * 9.81) * (1.0 - math.exp(-ROBOT.omega * swing)) ** 2
+
+    def stays(axis, dcm, angle=0.0, rate=0.0):
+        seen = np.zeros(36)
+        seen[DCM][axis], seen[TRUNK_ANGLE][axis], seen[TRUNK_RATE][axis] = dcm, angle, rate
+        return counter._stays(seen)
+
+    for axis in range(2):
+        edge = SOLE[axis] + reserve
+        for side in (1.0, -1.0):
+            inside, beyond = side * (edge - 1e-6), side * (edge + 1e-6)
+            assert stays(axis, inside)
+            assert not stays(axis, beyond)
+            for part in ("angle", "rate"):
+                assert stays(axis, beyond, **{part: -side * 0.1})
+                assert not stays(axis, inside, **{part: side * 0.1})
+            assert stays(axis, side * (SOLE[axis] - 1e-6), angle=side * lean)
+            assert not stays(axis, side * (SOLE[axis] + 1e-6), angle=side * lean)
+
+
+def test_a_kick_brings_the_dcm_from_where_the_gait_has_it_to_the_point():
+    """In place a step begins with the DCM l_p / (1 + exp(omega T)) towards the swing side, the right one."""
+    (push,) = basins.kicked(ENV, 0.3, -0.2).pushes
+    begin = ROBOT.pelvis_width / (1.0 + math.exp(ROBOT.omega * nominal_gait(ROBOT, LIMITS).duration))
+    jump = np.array(push.force) * push.duration / (ROBOT.mass * ROBOT.omega)
+    assert jump == pytest.approx((0.3, 0.2 + begin, 0.0))
+    assert push.start == GaitEvent(4, "left", 0.0)
+
+
+def test_a_robot_that_fell_after_all_has_no_number_of_steps():
+    def run_all(policy, scenarios, seen):
+        seen.steps.update({scenarios[0].id: 1, scenarios[2].id: 3})
+        ends = ((one.id, one is not scenarios[2]) for one in scenarios[::-1])
+        return [SimpleNamespace(scenario_id=name, survived=survived) for name, survived in ends]
+
+    job = basins.BasinJob("p", (-0.1, 0.0, 0.2), 0.05)
+    row = basins.measure(SimpleNamespace(env=ENV, run_all=run_all), job)
+    assert row == {"policy": "p", "y_m": 0.05, "steps": [1, None, None]}

@@ -2,9 +2,11 @@
 
 import json
 import math
+import re
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import toy_gait_env as toy
@@ -392,3 +394,42 @@ def test_rows_of_another_question_are_not_mixed(monkeypatch, tmp_path, change):
     scans.frontier(settings, ["passive"], 4, directory=tmp_path)
     with pytest.raises(InvalidValueError, match="differs in: frontier"):
         scans.frontier(replace(settings, **change), ["passive"], 4, directory=tmp_path)
+
+
+def test_replicas_that_stand_are_held_against_no_phase_of_a_step(monkeypatch, tmp_path):
+    def rows(env_id, task, jobs, workers, sources):
+        tried = {"forces_N": [100.0], "recovered": ["11"], "stood": ["11"], "falls": []}
+        return ({"policy": job.policy, "psi_deg": job.psi_deg, **tried} for job in jobs)
+
+    monkeypatch.setattr(scans, "parallel", rows)
+    for command, phases in ((AT_REST, False), (IN_PLACE, True)):
+        settings = FrontierSettings("PushRecovery/Pendulum-v0", 20.0, command=command, replicas=2)
+        found = scans.frontier(settings, ["passive"], 2, directory=tmp_path / str(phases))
+        assert [limit.phases is not None for limit in found.limits.values()] == [phases] * 2
+
+
+def test_the_grid_of_a_light_robot_is_a_newton_at_least(monkeypatch):
+    """2 N of 3 kg round to no ten, 13.3 N of 20 kg to one, 66.7 N of 100 kg to seven."""
+    for mass, grid in ((3.0, 1.0), (20.0, 10.0), (100.0, 70.0)):
+        robot = SimpleNamespace(robot=SimpleNamespace(mass=mass))
+        made = SimpleNamespace(unwrapped=robot, close=lambda: None)
+        monkeypatch.setattr(scans, "make_env", lambda env_id, made=made: made)
+        assert scans.default_grid("any", 2) == grid
+
+
+def test_a_table_of_standing_replicas_has_a_cell_under_every_column():
+    """Both take no step at 100 N, one of two at 200 N: 0.8 of them at 140 N, half of F*_stand."""
+    one = {"policy": "p", "psi_deg": 0.0, "forces_N": [100.0, 200.0, 300.0], "falls": [],
+           "recovered": ["11", "10", "00"], "stood": ["11", "10", "00"]}  # fmt: skip
+    control = {"forces_N": [0.0], "recovered": ["11"], "stood": ["11"]}
+    found = scans.Frontier(
+        FrontierSettings("env", command=AT_REST, replicas=2), {"p": [one], "q": [one]},
+        {0.0: limits.DirectionLimits(400.0, 200.0, 280.0)}, Path(), 60.0,
+        {"p": control, "q": {**control, "recovered": ["10"]}},
+    )  # fmt: skip
+    table = report.frontier_table(found)
+    assert {len(cells) for cells in table.rows} == {len(table.columns)}
+    assert table.rows[-1] == ("unpushed", *"---", "2 of 2 recover", "1 of 2 recover", *"----")
+    caught, low, high, share = re.findall(r"[\d.]+", table.rows[0][6])
+    assert (caught, share) == ("140", "0.50")
+    assert float(low) < 140.0 < float(high)

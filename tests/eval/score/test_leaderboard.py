@@ -10,6 +10,7 @@ from push_recovery.envs.scenario.scenario import HARDWARE
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.rows import LOCK, Writer
 from push_recovery.eval.rollout import DEFAULT_ENV
+from push_recovery.eval.rollout.outcome import Ending, Outcome
 from push_recovery.eval.score import leaderboard
 from push_recovery.eval.score.evaluate import evaluate
 from push_recovery.eval.score.report import write_evaluation_reports
@@ -190,3 +191,17 @@ def test_the_page_of_the_documentation_is_made_of_its_entries_and_an_empty_board
     board = Path(__file__).parents[3] / "docs" / "leaderboard"
     assert (board / "README.md").read_text() == leaderboard.board_page(leaderboard.read_board(board))
     assert "No results yet" in leaderboard.board_page(leaderboard.read_board(tmp_path))
+
+
+def test_a_file_that_is_handed_in_imports_no_module_of_others():
+    with pytest.raises(InvalidValueError, match="is not built in"):
+        leaderboard._suite("hard@mine", "1", None, "no_such_module:Mine-v0")
+
+
+def test_a_row_without_the_hash_of_its_policy_is_none():
+    scenario = get_suite("standard").scenarios[0]
+    outcome = Outcome.of(scenario, "p", Ending(False, 7.0, 4.0, None, 1.0), 700)
+    row = json.loads(json.dumps(outcome.to_dict()))
+    assert leaderboard.checked_row({**row, "policy_sha256": None}, scenario)
+    with pytest.raises(InvalidValueError, match="is no outcome"):
+        leaderboard.checked_row(row, scenario)

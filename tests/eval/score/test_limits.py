@@ -152,3 +152,16 @@ def test_the_limit_of_phases_is_that_of_the_weakest_phases_left_out(env):
     reversed_phases = yardsticks.limit_of_phases(env, 0.0, DURATION, Command(), phases[::-1], 0.8)
     assert reversed_phases == pytest.approx(force(phases[2]))
     assert force(phases[2]) > yardsticks.own_limit_force(env, 0.0, DURATION, Command())
+
+
+def test_a_gait_out_of_bounds_has_no_limit_and_its_phase_counts_as_no_force(env, monkeypatch):
+    """Of F* of none, 2, 4 and 5 N three quarters are at least 2 N."""
+    start = yardsticks.PushedStart(0.0, np.array([0.0, -9.0]), np.array([0.1, 0.0]))
+    push = polar_push(100.0, 0.0, 0.1, GaitEvent(4, "left"))
+    with monkeypatch.context() as patch:
+        patch.setattr(yardsticks, "pushed_start", lambda *_: start)
+        assert yardsticks.limit_share(env, push, Command()) is None
+    shares, phases = iter(2 * [None, 0.5, 0.25, 0.2]), [0.1, 0.3, 0.6, 0.9]
+    monkeypatch.setattr(yardsticks, "limit_share", lambda *_: next(shares))
+    found = [yardsticks.limit_of_phases(env, 0.0, 0.1, Command(), phases, share) for share in (1.0, 0.75)]
+    assert found == [0.0, 2.0]

@@ -10,7 +10,7 @@ import pytest
 from push_recovery.controllers.settings import PresetFile
 from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
 from push_recovery.envs.scenario.disturbances import Payload, Slip
-from push_recovery.envs.scenario.push import Push, polar_push
+from push_recovery.envs.scenario.push import Kick, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.tables import markdown_page
@@ -387,3 +387,37 @@ def test_the_note_has_the_time_that_the_scenarios_settle_for(times, words):
     assert f"Recovered: no fall {words} the last push; over" in report.recovered_note(evaluation)
     timed = SimpleNamespace(suite=SimpleNamespace(scenarios=(Scenario("t", duration=5.0),)))
     assert "Recovered: no fall until the end; over" in report.recovered_note(timed)
+
+
+def test_a_comparison_tells_whose_each_count_is(evaluation):
+    """p of 3 : 1 is 2 (1 + 4) / 2^4."""
+    found = evaluation({"p": "rrrrfff", "q": "rfffrsf"})
+    cells = dict(report.comparison_table(Comparison("p", "q", found)).rows)
+    names = "both recovered", "only p", "only q", "neither", "survived p, q", "exact McNemar p"
+    assert [cells[name] for name in names] == ["1", "3", "1", "2", "4, 3", "0.625"]
+    assert cells["rate of p minus rate of q"].startswith("+0.286 (")
+
+
+def test_what_a_recovery_took_is_of_timed_scenarios_too_but_not_how_long_it_took():
+    timed = replace(SCENARIOS[1], duration=9.0)
+    rows = [row(4.0, 1000.0), row(5.0, 9000.0), row(4.5, 2000.0)]
+    suite = Suite("three", "1", (SCENARIOS[0], timed, SCENARIOS[2]))
+    together, summary = report.effort_summary(Evaluation(suite, "env", {"p": rows}, Path("out"), 0.0))
+    assert (together, summary["p"]["energy"]) == (3, 2000.0)
+    apart = Suite("two", "1", (SCENARIOS[0], SCENARIOS[2]))
+    _, two = report.effort_summary(Evaluation(apart, "env", {"p": rows[::2]}, Path("out"), 0.0))
+    assert summary["p"]["recovered_after"] == two["p"]["recovered_after"]
+
+
+def test_limits_in_a_report_are_each_policys_own(evaluation):
+    found = evaluation({"p": "fffrrs", "q": "rrrrrr"})
+    found = replace(found, rows={"p": LIMIT_ROWS, "q": [LIMIT_ROWS[4]] * 6})
+    report.write_evaluation_reports(found, found)
+    content = json.loads((found.directory / "report.json").read_text())["policies"]
+    assert content["p"]["limits"]["falls"]["cop"]["first"] == 2
+    assert content["q"]["limits"] == {"falls": {}, "recovered": {}}
+
+
+def test_kicks_are_a_kind_of_push():
+    groups = report.groups_of((Scenario("a", (PELVIS,)), Scenario("b", kicks=(Kick((0.3, 0.0, 0.0), 2.0),))))
+    assert (groups["kick"], groups["push"]) == (("b",), ("a",))

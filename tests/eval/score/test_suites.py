@@ -1,8 +1,10 @@
 import itertools
 import json
 import math
+import re
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -344,3 +346,15 @@ def test_a_suite_on_stairs_is_named_after_them():
         names.append(on_stairs.name)
     assert all(name.startswith("few+terrain=stairs-") for name in names)
     assert len(set(names)) == 2
+
+
+def test_the_page_of_hashes_tells_those_of_todays_suites():
+    page = (Path(__file__).parents[3] / "docs/generated/suites.md").read_text(encoding="utf-8")
+    stated = re.findall(r"^\| `([\w-]+)` \| (\d+) \| (\d+) \| `([0-9a-f]{64})` \|$", page, flags=re.M)
+    assert {name for name, *_ in stated} == {name for name in suites.SUITES if not name.endswith("sealed")}
+    for name, *told in stated:
+        if name in HASHES:
+            assert told[2] == HASHES[name], name
+            continue
+        suite = get_suite(name)
+        assert told == [str(len(suite.scenarios)), suite.version, suite.sha256], name

@@ -208,3 +208,15 @@ def test_forces_count_by_how_near_their_share_up_to_there_is():
     assert hole.effective_replicas(0.5) == pytest.approx(20 / ((2 + 9) / 38 / (0.25 + 0.16)))
     falling, w = tried("1" * 20, "1" * 16 + "0" * 4, "10" * 10, "0" * 20), math.exp(-3.0)
     assert falling.effective_replicas(0.8) == pytest.approx(20 / ((2 + 20 * w) / 38 / (0.16 + 0.25 * w)))
+
+
+def test_a_share_that_just_as_many_recover_from_is_reached():
+    """Half of the robots recover up to 210 N, half up to 2010 N: J50 is the force of the stronger half."""
+    _, outcomes = searched(np.array([210.0, 2010.0]))
+    j95, _, j50 = scans.Tried.of(outcomes).estimates()
+    assert 200.0 <= j95.force <= 220.0
+    assert 2000.0 <= j50.force <= 2020.0
+
+
+def test_noise_seeds_of_replicas_have_31_bits():
+    assert 2**30 <= max(one.noise_seed for one in scans.draw_replicas(32, 5)) < 2**31
