@@ -31,7 +31,7 @@ from . import KEYS, planner
 FULL = 5.0  # a closed loop of fewer seconds asks for the quick part only
 ROBOTS = re.compile(r"period_us_(\d+)_robots_(\d+)_threads")
 SOLVER = re.compile(r"stage_1_(\w+)_us")
-START = "import gymnasium as gym; gym.make({env!r}, disable_env_checker=True).reset(seed=0)"
+START = "import gymnasium as gym; gym.make({env!r}, disable_env_checker=True, **{options!r}).reset(seed=0)"
 
 
 class BenchError(PushRecoveryError):
@@ -58,13 +58,12 @@ def closed_loop(env: gym.Env, seconds: float) -> tuple[float, planner.Observatio
     return (steps - planner.WARM_UP) * period / wall, np.array(observations)
 
 
-def start_time(env_id: str) -> float:
+def start_time(env_id: str, **options: str) -> float:
     """Wall time from starting Python to an environment that has been reset, with kernels from disk [s]."""
     name = env_id if ":" in env_id else f"push_recovery:{env_id}"
+    code = START.format(env=name, options=options)
     began = time.perf_counter()
-    done = subprocess.run(  # noqa: S603
-        [sys.executable, "-c", START.format(env=name)], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)  # noqa: S603
     if done.returncode:
         raise BenchError(f"{env_id} did not start in a process of its own: {done.stderr.strip()[-200:]}")
     return time.perf_counter() - began
@@ -86,7 +85,10 @@ def bench(env_id: str, seconds: float) -> dict[str, Any]:
         with progress_bars(["bench"], 1, work, moving=False) as bars:  # which would take time of their own
             content = _measured(env, env_id, seconds)
             bars.set("bench", 1)
-        return content if quick else {**content, "start_s": start_time(env_id)}
+        named = environments.EnvName.parse(env_id)
+        options = {"preset": named.preset, "robot": named.robot}
+        own = {option: value for option, value in options.items() if value}
+        return content if quick else {**content, "start_s": start_time(named.full_id, **own)}
     finally:
         env.close()
 
@@ -101,7 +103,8 @@ def _measured(env: gym.Env, env_id: str, seconds: float) -> dict[str, Any]:
     content: dict[str, Any] = {"env": env_id, "single_env_rtf": rtf, "threads": 1}
     policy = load_policy.load_policy("two-stage", env)
     if isinstance(policy, TwoStagePolicy):
-        if isinstance(env.unwrapped, BipedEnv):
+        own = (policy.robot, policy.limits) == (loop.BIPED, loop.BIPED_LIMITS)
+        if isinstance(env.unwrapped, BipedEnv) and own:  # what follows is timed on that robot
             content |= loop.memory_per_robot(policy) | loop.time_control(policy)
             content |= loop.batch_timings(policy, quick)
             content |= {} if quick else loop.humanoid_timings(policy)

@@ -159,7 +159,8 @@ class _Reader(argparse.ArgumentParser):
                 how = _arity(hint) if required else {"nargs": "?", **_arity(hint)}
                 self.add_argument(name, metavar=marked_as.get("metavar"), **how)
             else:
-                options = [f"--{name}", *marked_as.get("aliases", ())]
+                off = "no-" if hint is bool and entry.default is True else ""
+                options = [f"--{off}{name}", *marked_as.get("aliases", ())]
                 names += options
                 self.add_argument(*options, **{"required": required, **_arity(hint)})
         return names

@@ -296,11 +296,13 @@ class Corrections(EnvOptions, options.RobotOptions):
         """Run the pushes, print the tables, write corrections-POLICY.md and its figure."""
         from ...controllers.files import write_text
         from ..output.progress import Work, about, episode_seconds, progress_bars
+        from ..output.rows import require_place
         from ..record import corrections
         from ..rollout.policy_source import acting_in
 
         suite = options.pushes_of(self, self.sample)
         directory, found = FOLDER if self.out is None else Path(self.out), []
+        require_place(directory / f"corrections-{stem_or_hash([self.policy], self.policy)}.md")
         what = f"{self.sample} pushes of {suite.name}, each with {self.policy} and without"
         length = about(ALONE * 2.0 * episode_seconds(self.env_id, suite.scenarios))
         with (

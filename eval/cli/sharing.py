@@ -11,7 +11,7 @@ from ...controllers.validation import parse_json
 from . import options
 from .options import Count, EnvOptions, JsonOption, RunningOptions, within
 
-MOST = {"kick": 200, "tour": 5120}
+MOST = {"kick": 200, "tour": 3000}  # from there on run ids are of pushes for tuning
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +98,9 @@ class Submit(options.WorkerOptions):
         int | None, arg(metavar="N", help_behavior_hint="(default: another sample every time)")
     ] = field(default=None, metadata=within(0))
     """Seed of the sample."""
+    trust: options.Flag = False
+    """Import the modules that environment or policies of the results name, which runs their code, as you
+    (docs/reliability.md)."""
 
     def run(self) -> None:
         """Check, add the entries, write the page; one writer a board, whose page is made of all entries."""
@@ -105,12 +108,12 @@ class Submit(options.WorkerOptions):
         from ..score import leaderboard
 
         board = Path(self.board)
-        submission = leaderboard.read_submission(Path(self.directory), self.suite)
+        submission = leaderboard.read_submission(Path(self.directory), self.suite, self.trust)
         page = board / leaderboard.PAGE
         require_place(page)
         with Writer(board):
             samples = leaderboard.sample_of(submission, self.sample, self.seed)
-            leaderboard.run_again(submission, samples, self.processes)
+            leaderboard.run_again(submission, samples, self.processes, self.trust)
             entries = {
                 name: leaderboard.entry_of(submission, name, len(samples[name])) for name in submission.rows
             }

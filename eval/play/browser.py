@@ -67,9 +67,10 @@ class Panel:
             self._button(gui, "Replay the last push", "R", self._replay)
         with gui.add_folder("Walk"):
             now = session.first.command
+            most = max(VELOCITY, abs(float(now.vx)), abs(float(now.vy)))
             self._command = [
-                gui.add_slider("forward [m/s]", -VELOCITY, VELOCITY, 0.05, now.vx),
-                gui.add_slider("to the left [m/s]", -VELOCITY, VELOCITY, 0.05, now.vy),
+                gui.add_slider("forward [m/s]", -most, most, 0.05, now.vx),
+                gui.add_slider("to the left [m/s]", -most, most, 0.05, now.vy),
                 gui.add_slider("turn [rad/s]", -FASTEST_TURN, FASTEST_TURN, 0.05, now.turn),
             ]
             for slider in self._command:

@@ -42,7 +42,8 @@ class Desktop:
             "=": lambda: session.faster(1.0 / SLOWER), "S": lambda: session.stand_at_rest(not session.stands),
         }  # fmt: skip
         while self._keys:
-            action = actions.get(chr(self._keys.pop(0)))
+            code = self._keys.pop(0)  # below 0 for a key that GLFW does not know
+            action = actions.get(chr(code)) if code > 0 else None
             if action is not None:
                 self._try(action)
 

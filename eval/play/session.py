@@ -192,8 +192,8 @@ class Answer:
 class Lane:
     """One biped that walks or stands under a policy, and whose scenario grows while it does.
 
-    It has robot and command of `start`, but neither its pushes nor its end. Told to stand, a robot that
-    cannot steps in place.
+    It has robot and command of `start`, but nothing of what happens there, nor its end. Told to stand, a
+    robot that cannot steps in place.
     """
 
     def __init__(self, env_id: str, policy: str, start: Scenario = ON_THE_SPOT):
@@ -210,7 +210,10 @@ class Lane:
                 f"only plain actions are played with, and those of {env_id} are corrections"
             )
         self.name = policy
-        self._start = replace(start, id=NAME, pushes=(), changes=(), duration=LONGEST)
+        self._start = replace(
+            start, id=NAME, pushes=(), kicks=(), disturbances=(), changes=(), duration=LONGEST
+        )
+        self._next: Command | None = None  # of its next walk, while it lies
         self.policy = source.load(made)
         self.env: Any = made.unwrapped
         self.episodes = episodes
@@ -223,7 +226,9 @@ class Lane:
 
     def restart(self, command: Command) -> None:
         """Begin a new walk."""
-        scenario = replace(self._start, command=self._possible(command))
+        command = self._possible(command)
+        stride = self._start.stride if command.stand else 0.0
+        scenario, self._next = replace(self._start, command=command, stride=stride), None
         self._seen, self.info = self.env.reset(seed=scenario.noise_seed, options={"scenario": scenario})
         self._memory, self._first, self.over = None, True, False
         self.answer: Answer | None = None
@@ -259,7 +264,10 @@ class Lane:
         self._note_answer()
 
     def set_command(self, command: Command) -> None:
-        """Another command, in force from the next planning period on."""
+        """Another command, in force from the next planning period on; of one that lies, in its next walk."""
+        if self.over:
+            self._next = self._possible(command)
+            return
         scenario, at, command = self.scenario, self.time + self.period, self._possible(command)
         if command == self.command:
             return
@@ -282,7 +290,7 @@ class Lane:
         self._seen, self.info = self.env.restore(state.snapshot)
         same = state.policy == self.name
         self._memory = state.memory if same else None
-        self._first, self.over, self.answer = not same, False, None
+        self._first, self.over, self.answer, self._next = not same, False, None, None
         self.given = list(state.given)
         self.rows.clear()
         self.recorder()
@@ -294,7 +302,9 @@ class Lane:
 
     @property
     def command(self) -> Command:
-        """In force, or to come into force with the next planning period."""
+        """In force, or to come into force with the next planning period or the next walk."""
+        if self._next is not None:
+            return self._next
         scenario = self.scenario
         return scenario.changes[-1].command if scenario.changes else scenario.command
 
@@ -494,10 +504,9 @@ class Session:
         self.set_command(self._told(self.first.command))
 
     def set_command(self, command: Command) -> None:
-        """Command all robots that have not fallen."""
+        """Command all robots; those that have fallen will walk so when they start anew."""
         for lane in self.lanes:
-            if not lane.over:
-                lane.set_command(command)
+            lane.set_command(command)
 
     def switch(self, policy: str, index: int = 0) -> bool:
         """Let another policy act for a robot from now on; returns whether its walk went on.

@@ -38,8 +38,10 @@ def collect(env: gym.Env, policy: Any, scenarios: Sequence[Scenario]) -> Iterato
     """Run every scenario, of whose pushes the first counts, with the residual and without it.
 
     Raises:
-        InvalidValueError: the policy is no residual on gait actions.
+        InvalidValueError: the policy is no residual on gait actions, or a scenario has no push.
     """
+    if bare := [scenario.id for scenario in scenarios if not scenario.pushes]:
+        raise InvalidValueError(f"corrections are shown by the direction of a push; {bare[0]!r} has none")
     rule = policy.rule if isinstance(policy, NetworkPolicy) else None
     if rule is None:
         raise InvalidValueError("only a residual on gait actions has corrections to look at")

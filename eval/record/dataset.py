@@ -173,6 +173,7 @@ def write_datasets(
             made_of = {
                 "suite": suite.name, "suite_sha256": suite.sha256, "policy": label, "env_id": env_id,
                 "policy_sha256": source.digest() or "", "code_sha256": environments.code_digest(),
+                **environments.preset_digest(env_id),
             }  # fmt: skip
             name = dataset_id(suite.name, env, label)
             if not (folder / name).exists():

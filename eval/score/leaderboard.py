@@ -20,6 +20,7 @@ from ...envs.scenario.scenario import Scenario
 from ..output import progress, tables
 from ..output.rows import differing, read_content, read_json
 from ..rollout import DEFAULT_ENV, environments, policy_source
+from ..rollout.load_policy import is_attribute
 from ..rollout.outcome import Ending, Outcome, Score
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .evaluate import FORMAT, configuration
@@ -44,22 +45,30 @@ class Submission:
         return self.rows[policy][0][DIGEST]
 
 
-def read_submission(directory: Path, suite: str | None = None) -> Submission:
+def read_submission(directory: Path, suite: str | None = None, trust: bool = False) -> Submission:
     """Read a directory, and check all of it that can be checked without running anything.
 
     Args:
         directory: of `evaluate`.
         suite: name or file; by default the built-in one that the directory names.
+        trust: whether a module that the results name may be imported.
 
     Raises:
-        InvalidValueError: files that are missing or no results; results of other code or of another suite;
-            rows that are missing, come twice, or contradict their scenario, each other, or the report.
+        InvalidValueError: a module that is not trusted; files that are missing or no results; results of
+            other code or of another suite; rows that are missing, come twice, or contradict their scenario,
+            each other, or the report.
     """
     config = _object(directory / "config.json")
     summary = config.get("suite")
     if config.get("format") != FORMAT or not isinstance(summary, dict):
         raise InvalidValueError(f"{str(directory)!r} holds no results of evaluate (format {FORMAT})")
     env_id = str(config.get("env"))
+    named = environments.EnvName.parse(env_id)
+    if not trust and (named.runs_code or ":" in named.robot):
+        raise InvalidValueError(
+            f"{str(directory)!r} has results on {env_id!r}, and making it runs the code of a module: where "
+            "you trust it, submit takes --trust"
+        )
     pushes = _suite(str(summary.get("name")), str(summary.get("version")), suite, env_id)
     known = configuration(pushes, env_id)
     if differs := differing(known, config):
@@ -85,7 +94,11 @@ def _suite(name: str, version: str, given: str | None, env_id: str) -> Suite:
     One that has a later version is built in as NAME-VERSION, too.
     """
     if given is not None:
-        return get_suite(given)
+        pushes = get_suite(given, env_id)
+        own, plus, profile = name.rpartition("+")
+        if plus and own == pushes.name:
+            return with_profile(pushes, environments.profile_on(env_id, profile))
+        return pushes
     whole, plus, profile = name.partition("+")
     base, at, _ = whole.partition(OF_ROBOT)
     # a name in a file that is handed in opens no other file, and runs no code
@@ -175,15 +188,22 @@ def sample_of(submission: Submission, size: int, seed: int | None = None) -> dic
     return {policy: generator.sample(scenarios, min(size, len(scenarios))) for policy in submission.rows}
 
 
-def run_again(submission: Submission, samples: dict[str, list[Scenario]], workers: int = 1) -> None:
+def run_again(
+    submission: Submission, samples: dict[str, list[Scenario]], workers: int = 1, trust: bool = False
+) -> None:
     """Run samples again.
 
     Raises:
-        InvalidValueError: a policy is not the one that its rows state, or a row is not what comes now.
+        InvalidValueError: a policy is code that is not trusted, or not the one that its rows state; or a row
+            is not what comes now.
         PushRecoveryError: a policy cannot be loaded.
     """
     sources = policy_source.policy_sources(list(submission.rows))
     for name, source in sources.items():
+        if not trust and isinstance(source.origin, str) and is_attribute(source.origin):
+            raise InvalidValueError(
+                f"policy {name!r} of the rows is code of a module: where you trust it, submit takes --trust"
+            )
         if source.digest() != submission.digest(name):
             raise InvalidValueError(
                 f"policy {name!r} is not the one of the rows: they state SHA-256 {submission.digest(name)}, "

@@ -1,9 +1,11 @@
 import json
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import toy_gait_env as toy
-from push_recovery.eval.bench import GROUPS, KEYS
+from push_recovery.controllers.settings import PresetFile
+from push_recovery.eval.bench import GROUPS, KEYS, closed_loop
 from push_recovery.eval.bench import run as module
 from push_recovery.eval.bench.run import BenchError, key_cells, robot_cells, solver_cells, start_time
 from push_recovery.eval.cli.main import main
@@ -75,3 +77,31 @@ def test_the_real_time_factor_is_of_the_timed_part_alone(monkeypatch):
     rtf, observations = module.closed_loop(make_env("PushRecovery/Pendulum-v0"), 1.0)
     assert rtf == pytest.approx(0.5)
     assert observations.shape == (200, 36)  # with the warm-up's 100
+
+
+def test_what_is_timed_on_the_biped_alone_is_of_no_other_robot(monkeypatch, tmp_path):
+    PresetFile("biped", biped={"limits": {"length_max": 0.4}}).save(tmp_path / "own.json")
+    for part in ("memory_per_robot", "time_control", "batch_timings"):
+        monkeypatch.setattr(closed_loop, part, lambda *_: {"of": "the biped"})
+    monkeypatch.setattr(module, "closed_loop", lambda *_: (1.0, np.zeros((1, 36))))
+    monkeypatch.setattr(module.planner, "pushed_observations", lambda *_: np.zeros((1, 36)))
+    for part in ("planner_timings", "batch_planner_timings"):
+        monkeypatch.setattr(module.planner, part, lambda *_: {})
+    for env_id, own in (
+        ("PushRecovery/Biped-v0", True),
+        (f"PushRecovery/Biped-v0@{tmp_path / 'own.json'}", False),
+    ):
+        assert ("of" in module._measured(make_env(env_id), env_id, 0.1)) == own
+
+
+def test_the_start_is_that_of_the_preset_or_robot(monkeypatch):
+    asked = []
+    monkeypatch.setattr(module, "_measured", lambda *_: {})
+    monkeypatch.setattr(module, "start_time", lambda name, **options: asked.append((name, options)) or 1.0)
+    module.bench("PushRecovery/Pendulum-v0@default", 20.0)
+    module.bench("PushRecovery/Pendulum-v0", 20.0)
+    assert asked == [("push_recovery:PushRecovery/Pendulum-v0", {"preset": "default"}),
+                     ("push_recovery:PushRecovery/Pendulum-v0", {})]  # fmt: skip
+    monkeypatch.undo()
+    monkeypatch.setattr(module, "START", "import sys; sys.exit({options!r} != {{'preset': 'x'}})")
+    assert start_time("A-v0", preset="x") > 0.0

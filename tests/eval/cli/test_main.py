@@ -210,6 +210,10 @@ def test_list(capsys):
         (["evaluate", "--sute", "quick"], ["--sute", "did you mean --suite?"]),
         (["evaluate", "--policies"], ["--policies", "at least one"]),
         (["reproduce", "--out"], ["--out: expected one argument"]),
+        (
+            ["protocol", "tour", "--no-punches", "--episodes", "ten"],
+            ["--episodes must be an integer, got 'ten'"],
+        ),
     ],
 )
 def test_bad_input_is_one_line_with_the_valid_choices(argv, words, capsys):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from push_recovery.envs.biped.view import set_posture
 from push_recovery.envs.rendering import RenderError
+from push_recovery.envs.scenario.scenario import Command
 from push_recovery.eval.play.browser import Panel
 from push_recovery.eval.play.desktop import Desktop, play_in_window
 from push_recovery.eval.play.session import FirstPush, Session
@@ -85,3 +86,18 @@ def test_no_key_of_the_panel_moves_the_camera_as_well():
     keys = [call.kwargs["hotkey"] for call in server.gui.add_command.call_args_list]
     assert sorted(keys) == ["F", "N", "P", "R", "space"]
     assert not set("WASDQE") & set(keys)  # viser's own
+
+
+def test_the_sliders_reach_to_the_command_of_the_start():
+    server, session = MagicMock(), MagicMock()
+    session.first.command = Command(1.0, -0.8)
+    Panel(server, session, ["two-stage"], lambda action: None, FirstPush(10.0, 0.0))
+    sliders = [call.args for call in server.gui.add_slider.call_args_list]
+    assert all(low <= value <= high for _, low, high, _, value in sliders)
+    assert ("forward [m/s]", -1.0, 1.0, 0.05, 1.0) in sliders
+
+
+def test_a_key_that_nobody_knows_is_left(desktop):
+    desktop.key(-1)
+    desktop.answer_keys()
+    assert desktop.session.last is None

@@ -13,6 +13,7 @@ from push_recovery.eval.play import session as play
 from push_recovery.eval.play.session import IMPULSE_MAX, Session, dragged_impulse, floor_impulse, status_words
 from push_recovery.eval.record.record import record
 from push_recovery.eval.rollout.outcome import REASONS
+from push_recovery.eval.score.suites import get_suite
 
 BIPED = "PushRecovery/Biped-v0"
 
@@ -388,3 +389,36 @@ def test_kinds_and_words_hold_what_is_documented():
 def test_corrections_are_not_played_with():
     with pytest.raises(InvalidValueError, match="those of PushRecovery/BipedResidual-v0 are corrections"):
         Session("PushRecovery/BipedResidual-v0", "two-stage")
+
+
+@pytest.mark.parametrize("suite", ["disturbances", "kick"])
+def test_a_session_has_nothing_of_what_happens_in_its_start(suite):
+    session = Session(BIPED, "two-stage", start=get_suite(suite).scenarios[0])
+    assert (session.first.scenario.forces, session.first.scenario.jumps) == ((), ())
+    session.close()
+
+
+def test_a_fallen_robot_starts_anew_as_it_was_told_while_it_lay():
+    session = Session(BIPED, "two-stage")
+    lane = session.first
+    lane.over = True
+    session.drive(0.3, 0.0, 0.0)
+    assert lane.command == Command(0.3)
+    assert lane.scenario.command == Command()
+    session.restart()
+    assert lane.scenario.command == Command(0.3)
+    session.drive(0.1, 0.0, 0.0)
+    assert lane.command == Command(0.1)
+    session.close()
+
+
+def test_a_walk_that_began_astride_begins_anew_on_the_way_too():
+    session = Session(BIPED, "two-stage", start=Scenario("x", (), Command(stand=True), stride=0.2))
+    assert session.first.scenario.stride == 0.2
+    session.drive(0.2, 0.0, 0.0)
+    session.restart()
+    assert (session.first.command, session.first.scenario.stride) == (Command(0.2), 0.0)
+    session.drive(0.0, 0.0, 0.0)
+    session.restart()
+    assert session.first.scenario.stride == 0.2
+    session.close()

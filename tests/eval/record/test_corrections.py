@@ -11,8 +11,9 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription, ResidualBase
 from push_recovery.controllers.policies.mlp import Mlp, Normalisation
-from push_recovery.envs.scenario.push import polar_push
+from push_recovery.envs.scenario.push import Kick, polar_push
 from push_recovery.envs.scenario.scenario import Scenario
+from push_recovery.eval.cli.main import main
 from push_recovery.eval.record import corrections
 from push_recovery.eval.record.record import EpisodeRecord
 from push_recovery.eval.record.words import sector_of
@@ -148,3 +149,25 @@ def test_to_the_left_is_inward_on_the_left_foot_and_steps_count_from_the_push_on
 def test_points_of_the_figure_go_from_backward_over_inward_to_outward():
     names = [corrections.SECTORS[k] for k in corrections.ORDER[::2]]
     assert names == ["backward", "inward", "forward", "outward", "backward"]
+
+
+def test_a_scenario_without_a_push_is_refused(constant):
+    kicked = Scenario("k", kicks=(Kick((0.2, 0.0, 0.0), 1.0),))
+    with pytest.raises(InvalidValueError, match="'k' has none"):
+        list(corrections.collect(*constant, [kicked]))
+
+
+def test_a_place_that_cannot_be_written_is_refused_before_any_push(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(corrections, "collect", lambda *_: pytest.fail("ran first"))
+    argv = [
+        "corrections",
+        "residual",
+        "--suite",
+        "standard",
+        "--sample",
+        "1",
+        "--out",
+        str(tmp_path / "file"),
+    ]
+    assert main(argv) == 2

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, MissingExtraError
+from push_recovery.controllers.settings import PresetFile
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.cli.main import main
@@ -153,3 +154,12 @@ def test_the_command_prints_where_each_data_set_is(root, tmp_path, capsys):
         place = tmp_path / "sets/push-recovery/pendulum" / f"two-{name}-v0"
         assert f"{place}: minari.load_dataset('push-recovery/pendulum/two-{name}-v0')" in said
         assert (Path(place) / "data/main_data.hdf5").is_file()
+
+
+def test_a_data_set_of_a_preset_that_has_changed_is_another_one(root, tmp_path):
+    path = tmp_path / "own.json"
+    PresetFile(planner={"push_carry": 0.05}).save(path)
+    written("two-stage", env_id=f"{PENDULUM}@{path}")
+    PresetFile(planner={"push_carry": 0.1}).save(path)
+    with pytest.raises(InvalidValueError, match="another preset_sha256"):
+        written("two-stage", env_id=f"{PENDULUM}@{path}")

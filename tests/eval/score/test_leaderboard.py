@@ -205,3 +205,39 @@ def test_a_row_without_the_hash_of_its_policy_is_none():
     assert leaderboard.checked_row({**row, "policy_sha256": None}, scenario)
     with pytest.raises(InvalidValueError, match="is no outcome"):
         leaderboard.checked_row(row, scenario)
+
+
+def test_what_results_name_is_imported_only_where_it_is_trusted(given, tmp_path, monkeypatch):
+    out, suite, _ = given
+    (tmp_path / "planted.py").write_text("open('ran', 'w').close()")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    config = json.loads((out / "config.json").read_text())
+    for env_id in ("planted:PushRecovery/X-v0", "planted:mine.robot.json"):
+        (out / "config.json").write_text(json.dumps(config | {"env": env_id}))
+        with pytest.raises(InvalidValueError, match="runs the code of a module: .* submit takes --trust"):
+            leaderboard.read_submission(out, suite)
+    assert not (tmp_path / "ran").exists()
+    with pytest.raises(Exception, match=r"."):
+        leaderboard.read_submission(out, suite, trust=True)
+    assert (tmp_path / "ran").exists()
+
+
+def test_a_policy_that_is_code_is_run_again_only_where_it_is_trusted(given, tmp_path, monkeypatch):
+    out, suite, (weak, _) = given
+    (tmp_path / "planted.py").write_text("open('ran', 'w').close()\nPolicy = None")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    (out / "report.json").unlink()
+    rows = [row | {"policy": "planted:Policy"} for row in rows_in(out) if row["policy"] == weak]
+    write_rows(out, rows)
+    with pytest.raises(InvalidValueError, match="is code of a module: .* submit takes --trust"):
+        check(out, suite)
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_suite_file_is_found_with_its_profile(tmp_path):
+    SUITE.save(tmp_path / "suite.json")
+    path = str(tmp_path / "suite.json")
+    assert leaderboard._suite("head+hardware", "1", path, DEFAULT_ENV) == with_profile(SUITE, HARDWARE)
+    assert leaderboard._suite("head", "1", path, DEFAULT_ENV) == SUITE

@@ -16,6 +16,7 @@ from push_recovery.envs.robots.description import robot_description
 from push_recovery.envs.robots.model_files import PACKAGES
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL, PLAIN_PHYSICS, ModelErrors, PhysicsOptions
 from push_recovery.envs.scenario.scenario import HARDWARE
+from push_recovery.eval.cli.sharing import MOST
 from push_recovery.eval.protocols.tour import tour_scenario
 from push_recovery.eval.score.report import groups_of
 from push_recovery.eval.score.suites import get_suite
@@ -96,7 +97,7 @@ def test_suites_share_no_run_with_each_other_and_with_the_protocol():
         for name in ("tuning-punches", "tuning-punches-held-out")
     ]
     assert not runs[0] & runs[1]
-    assert min(runs[0] | runs[1]) >= 1000
+    assert min(runs[0] | runs[1]) >= MOST["tour"]
 
 
 def test_an_unknown_suite_is_refused():
