@@ -41,8 +41,8 @@ from .model.gait_box import COP, DURATION, STEP, GaitLimits
 from .model.nominal_gait import NOMINAL_DURATION, NOMINAL_SIZE, NOMINAL_STEP, nominal_gait_kernel
 from .model.observation import COM_VELOCITY, COMMAND, canonical, canonical_frame, in_world
 from .model.robot import GRAVITY, RobotModel
-from .whole_body.gait_machine import Gait, GaitSettings, has_landed, touch_down
-from .whole_body.kinematics import NU, NV, PELVIS, Array, Physics
+from .whole_body.gait_machine import FLOOR, Gait, GaitSettings, has_landed, touch_down
+from .whole_body.kinematics import NU, NV, PELVIS, Array, Physics, sole_position
 from .whole_body.limits import JOINT_TORQUE, NEVER, Bounds, write_torque_range
 from .whole_body.swing import SWING, TURN
 
@@ -231,6 +231,7 @@ def follow_contacts(phys: Physics, gait: Gait, k: int, s: GaitSettings, joints: 
     if has_landed(phys.load[k, 1 - stance], gait.elapsed[k], gait.plan[k, DURATION], s):
         gait.yaw[k, SWING] = gait.turn[k] * gait.elapsed[k]
         touch_down(phys, gait, k)
+        gait.height[k, FLOOR] = sole_position(phys, k, gait.stance[k])[2]
         joints.lifted[k] = 0
 
 

@@ -230,7 +230,8 @@ def predict(estimate: BaseEstimate, k: int, inertial: Inertial, phys: Physics, d
 STANDING_DEVIATION = 0.06  # deviation of the velocity of a standing sole [m/s]
 ROLL = 0.1  # from the sole's centre to the edge that it may roll over [m]
 TURNING = 0.4  # deviation that a sole's velocity is weighed with, over the rate at which the sole turns [m]
-LOADED = 60.0  # a sole with less load may move [N]
+LOADED = 60.0  # a sole with less load may move [N], unless it is this share of a light robot's weight
+LOADED_SHARE = 0.5
 GATE = 3.0  # deviations that a standing sole's velocity may lie from zero
 UNLOADED_VARIANCE = 0.02  # variance that velocity gains while a loaded sole is left out [m^2/s^3]
 SOLE_TURNS = 0.1  # deviation of the turning rate of a standing sole [rad/s]
@@ -249,9 +250,10 @@ def listen_to_soles(estimate: BaseEstimate, k: int, phys: Physics, dt: float) ->
     """
     omega, stands = base_angular_velocity(phys, k), False
     moved = vector_in(estimate.velocity, k, 0)
+    loaded = min(LOADED, LOADED_SHARE * GRAVITY * phys.mass_matrix[k, 0])
     first = 0 if phys.load[k, 0] >= phys.load[k, 1] else 1  # the one that carries more, as in a mirror
     for leg in (first, 1 - first):
-        if phys.load[k, leg] < LOADED:
+        if phys.load[k, leg] < loaded:
             estimate.stood[k, leg] = 0.0
             continue
         sole = sole_motion(phys, k, leg, omega)

@@ -158,7 +158,12 @@ class KnownFloor:
         corners = [(a * length, b * width) for a in (1.0, -1.0) for b in (1.0, -1.0)]
         heights = [
             max(
-                part.height(x + cos * a - sin * b, y + sin * a + cos * b, self.pattern) for part in self.parts
+                (
+                    part.height(x + cos * a - sin * b, y + sin * a + cos * b, self.pattern)
+                    for part in self.parts
+                    if part.shapes
+                ),
+                default=0.0,
             )
             for a, b in corners
         ]

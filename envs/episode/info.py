@@ -30,12 +30,12 @@ def put(info: Info, key: str, values: Any, mask: Mask) -> None:
 
 
 def overwrite(info: Info, other: Info, rows: Mask) -> None:
-    """Put the rows (n,) of an info of the same keys in the place of those in `info`."""
+    """Put the rows (n,) of another info in the place of those in `info`; a key that this lacks it gets."""
     for key, values in other.items():
         if isinstance(values, dict):
-            overwrite(info[key], values, rows)
+            overwrite(info.setdefault(key, {}), values, rows)
         else:
-            info[key][rows] = values[rows]
+            info.setdefault(key, np.zeros_like(values))[rows] = values[rows]
 
 
 def _push_info(push: Push, mass: float) -> Info:

@@ -19,7 +19,14 @@ from numpy.typing import NDArray
 from ...controllers.array_table import COMMON, Floats1, Floats2
 from ...controllers.jit import njit, source_digest
 from ...controllers.model.gait_box import DURATION, GAIT_SIZE
-from ...controllers.model.observation import COM_VELOCITY, COMMAND, ELAPSED, HEADING_ERROR, SWING_POSITION
+from ...controllers.model.observation import (
+    COM_VELOCITY,
+    COMMAND,
+    ELAPSED,
+    HEADING_ERROR,
+    SWING_POSITION,
+    side_sign,
+)
 from ...controllers.policies.interface import Policy
 from ...controllers.policies.residual import DEFAULT_GATE, make_gate
 from ...controllers.policies.two_stage import make_policy
@@ -98,7 +105,7 @@ def write_rewards(
 
     Args:
         gait_terms: (n, 7) in the order of REWARD_TERMS.
-        truth: observations (n, 36) without noise.
+        truth: observations (n, 36) without noise, with the command itself.
         plan: nominal steps (n, 7).
         squares: effort (n,).
         held: actions (n, 14) of the period.
@@ -197,8 +204,13 @@ class JointEpisodes(OnJointsEpisodes):
     def _end_period(self, gaits: Array) -> Period:
         core = self.core
         end_period(self._table, self._constants, gaits, self._ends)
+        truth, command = core.truth.copy(), core.command  # that of the truth is a planner's, turned ahead
+        truth[:, _COMMAND], truth[:, _COMMAND + 1] = (
+            command[:, 0],
+            side_sign(core.gait.stance) * command[:, 1],
+        )
         write_rewards(
-            self._episodes.terms, core.truth, gaits, core.joints.effort, core.joints.held,
+            self._episodes.terms, truth, gaits, core.joints.effort, core.joints.held,
             self._rewards.before, core.settings.apex, self._ends[0], self._rewards.terms, self._rewards.total,
         )  # fmt: skip
         return self._with_added_terms()

@@ -47,7 +47,7 @@ from ..robots.indices import MISSING
 from ..scenario.push import GaitEvent, Push
 from ..scenario.scenario import Scenario
 from ..snapshot import Arrays, RobotSnapshot
-from .core import JointCore, standing_posture
+from .core import JointCore, standing_posture, write_floor_points
 from .env import JointEpisodes
 
 # part_of is an intrinsic: its arguments are those of its signature, less the typing context.
@@ -179,6 +179,8 @@ def finish_servos(t: Tables, c: Array, k: int, felt: Felt) -> None:
     phys, gait = part_of(t.arena, Arena, "physics"), part_of(t.arena, Arena, "gait")
     judged, command = part_of(t.arena, Arena, "judged"), part_of(t.arena, Arena, "exchange").command
     gait.heading[k] = np.arctan2(judged.xmat[k, PELVIS, 3], judged.xmat[k, PELVIS, 0])
+    force = part_of(t.arena, Arena, "judged_contacts").force[k]
+    write_floor_points(judged, gait, k, force, part_of(t.arena, Arena, "exchange").world[k])
     drives = own_of(t).drives
     o, joints = drives.observation[k], drives.target.shape[1]
     velocity = to_body(phys.xmat, k, PELVIS, vector_in(phys.qvel, k, 0))

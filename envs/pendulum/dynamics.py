@@ -336,9 +336,8 @@ def _next_event(s, q, k, end, landed, double_support):  # pragma: no cover
         until = min(until, s.step_start[k] + s.plan[k, DURATION])
     if s.standing[k] == 0 and both_stand(now - s.step_start[k], double_support):
         until = min(until, s.step_start[k] + double_support)
-    resolve_starts(
-        q.start[k], q.step[k], q.fraction[k], s.steps[k], s.step_start[k], s.plan[k, DURATION], now, until
-    )
+    begun = s.step_start[k] if s.standing[k] == 0 else now  # no step has begun
+    resolve_starts(q.start[k], q.step[k], q.fraction[k], s.steps[k], begun, s.plan[k, DURATION], now, until)
     for i in range(q.start.shape[1]):
         if now < q.start[k, i] < until:
             until = q.start[k, i]
@@ -390,7 +389,11 @@ def advance(s, q, e, command, dt, p):  # pragma: no cover
         end = s.time[k] + dt
         stays = may_stay(command[k]) and s.plan[k, DURATION] >= p.duration_max - INSTANT
         if s.standing[k] != 0 and not stays:
+            x, y = s.stance[k, 0], s.stance[k, 1]
             lift_off(s, k)
+            for i in range(e.asked.shape[1]):  # what was asked for, from the sole that stands now
+                e.asked[k, i, ASKED_COP] += x - s.stance[k, 0]
+                e.asked[k, i, ASKED_COP + 1] += y - s.stance[k, 1]
         cop_x, cop_y, pitch, roll, change = begin_cycle(s, e, k, dt, p)
         landed = False
         s.push[k, 0] = s.push[k, 1] = 0.0

@@ -26,6 +26,7 @@ from ..episode.period_end import Motion
 from ..episode.vector_env import vector_maker
 from ..scenario.arrays import (
     COMMAND_SIZE,
+    NUMBERS,
     assign_changes,
     assign_pushes,
     command_row,
@@ -163,7 +164,8 @@ class PendulumCore:
     def assign(self, k: int, scenario: Scenario) -> None:
         """Give pendulum k the errors, the pushes and the changes of command of a scenario."""
         dynamics.assign_errors(self.errors, k, scenario, self.dt)
-        self.pushes = assign_pushes(self.pushes, k, scenario)
+        bodies = {push.body: NUMBERS["pelvis"] for push in scenario.forces} | NUMBERS  # which does not matter
+        self.pushes = assign_pushes(self.pushes, k, scenario, bodies)
         self.schedule = assign_changes(self.schedule, k, scenario)
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:

@@ -258,7 +258,11 @@ class Stairs(Terrain):
 
     def scaled(self, scale: Similarity) -> Stairs:
         """Steps in the same proportion to a robot of another size, as far as their bounds allow it."""
-        return replace(self, **resized(self, self.quantities, scale))
+        sized = resized(self, self.quantities, scale)
+        bounds = {name: self.quantities[name] for name in sized}
+        return replace(
+            self, **{name: min(max(x, bounds[name].low), bounds[name].high) for name, x in sized.items()}
+        )
 
 
 @register_terrain

@@ -14,7 +14,8 @@ from push_recovery.controllers import joint_control as control
 from push_recovery.controllers.joint_control import LIFTED, PHASE, RATES, axial, joint_sign, own_joint, polar
 from push_recovery.controllers.model.nominal_gait import nominal_gait
 from push_recovery.controllers.model.observation import COMMAND
-from push_recovery.controllers.whole_body.gait_machine import resting_gait
+from push_recovery.controllers.whole_body.gait_machine import FLOOR, resting_gait
+from push_recovery.controllers.whole_body.kinematics import sole_position
 from push_recovery.controllers.whole_body.limits import JOINT_TORQUE, NEVER, driving_share
 from push_recovery.envs.biped.core import BIPED, BIPED_GAIT, BIPED_LIMITS
 from push_recovery.envs.joint.core import JointCore, JointResidualCore
@@ -337,3 +338,15 @@ def test_loads_are_shares_of_the_weight_and_the_clock_one_of_the_step(core):
 def test_a_foot_is_off_the_floor_up_to_a_load_of_one_newton(core, load, made):
     loads = held(SHARED, SHARED, 0.1) + held(STANDS, load, 0.1) + held(SHARED, SHARED, 0.5)
     assert len(steps(core, loads)[0]) == made
+
+
+def test_the_floor_is_as_high_as_the_sole_that_has_come_to_stand(core):
+    qpos, gait = standing(core), resting_gait(1)
+    qpos[2] += 0.1
+    core.put(0, qpos, np.zeros(20))
+    gait.plan[0, 2] = gait.elapsed[0] = T
+    core.joints.lifted[0], core.physics.load[0] = 1, SHARED
+    control.follow_contacts(core.physics, gait, 0, BIPED_GAIT, core.joints)
+    assert gait.stance[0] == 1
+    assert gait.height[0, FLOOR] == pytest.approx(sole_position(core.physics, 0, 1)[2])
+    assert gait.height[0, FLOOR] == pytest.approx(0.1, abs=0.01)

@@ -13,6 +13,7 @@ from push_recovery.controllers.model.standing import max_standing_force
 from push_recovery.controllers.policies import two_stage
 from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, LEG_JOINT, PELVIS
 from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.pendulum.env import PendulumEpisodes
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Kick, Push
 from push_recovery.envs.scenario.scenario import HARDWARE, Command, CommandChange, Scenario
@@ -326,3 +327,32 @@ def test_a_step_that_begins_has_begun_for_a_stander_and_goes_no_further():
     for _ in range(20):
         episodes.step(policy.predict(episodes.core.observation)[0])
     assert episodes.core.pushes.start[:, 0].tolist() == [0.0, np.inf, np.inf]
+
+
+STAY = np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]], np.float32)  # T at its upper bound: no step
+
+
+def test_a_late_cop_stays_where_it_was_asked_for():
+    """In the middle of both feet, also once the robot steps off its stance foot with a CoP at the other."""
+    episodes = PendulumEpisodes(1)
+    late = Scenario("late", (), STAND, errors=ModelErrors(delay=0.02), duration=5.0)
+    episodes.begin(0, late)
+    for _ in range(4):
+        episodes.step(STAY)
+    middle = episodes.core.state.cop[0].copy()
+    episodes.step(np.array([[0.0, 0.0, -1.0, 0.0, 0.9, 0.0, 0.0]], np.float32))
+    state = episodes.core.state
+    assert state.side[0] == 1
+    half = 0.05  # of the sole's width: as near to where it was as the sole that stands allows
+    nearest = np.clip(middle[1], state.stance[0, 1] - half, state.stance[0, 1] + half)
+    assert state.cop[0, 1] == pytest.approx(nearest)
+
+
+def test_a_step_goes_no_further_for_a_standing_pendulum():
+    episodes = PendulumEpisodes(2)
+    for k, fraction in enumerate((0.0, 0.5)):
+        push = Push((5.0, 0.0, 0.0), 0.1, GaitEvent(0, "left", fraction))
+        episodes.begin(k, Scenario("e", (push,), STAND, duration=9.0))
+    for _ in range(80):
+        episodes.step(np.repeat(STAY, 2, axis=0))
+    assert episodes.core.pushes.start[:, 0].tolist() == [0.0, np.inf]

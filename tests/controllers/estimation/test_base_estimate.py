@@ -451,3 +451,13 @@ def test_what_a_turned_robot_learns_is_in_the_right_axes(robot_in):
     np.testing.assert_allclose(estimate.gyro_bias[0], [-2e-4 * unit, 0.0, 0.0], atol=1e-9)
     up = rotated(tuple(estimate.attitude[0]), (0.0, 0.0, 1.0))
     np.testing.assert_allclose(up[:2], [-1e-4 * unit, 0.0], atol=1e-8)
+
+
+def test_soles_of_a_light_robot_count_by_their_share_of_its_weight(standing):
+    phys, estimate = standing((15.0, 15.0))
+    moving(estimate, phys, (0.02, 0.0, 0.0))
+    listen_to_soles(estimate, 0, phys, DT)
+    assert estimate.velocity[0, 0] == 0.02  # 15 N are little of 60 kg
+    phys.mass_matrix[0] *= 0.05
+    listen_to_soles(estimate, 0, phys, DT)
+    assert estimate.velocity[0, 0] < 0.02

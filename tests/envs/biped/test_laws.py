@@ -777,3 +777,12 @@ def test_a_slip_is_of_the_pairs_of_a_sole_with_floor_and_tiles_alone(errors, cou
         pairs = laws.sole_pairs(model, sole)
         assert len(pairs) == count
         assert not model.geom_bodyid[model.pair_geom1[pairs]].any()  # the world's
+
+
+def test_an_end_within_a_held_action_beside_a_robot_whose_law_is_over():
+    hit = Scenario("hit", disturbances=(Impactor(10.0, 3.0, 0.0),), duration=0.02)
+    envs = GaitVectorEnv(BipedEpisodes(2), hold=2)
+    envs.reset(seed=0, options={"scenario": [Scenario("calm", duration=0.03), hit]})
+    for _ in range(2):
+        info = envs.step(np.zeros((2, 7), np.float32))[4]
+    assert info["time"][0] == pytest.approx(0.03)

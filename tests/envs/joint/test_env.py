@@ -31,6 +31,7 @@ from push_recovery.envs.joint.env import (
     write_rewards,
 )
 from push_recovery.envs.robots.variants import HELD_VARIANTS, NO_WAIST_ROLL, VARIANTS
+from push_recovery.envs.scenario.scenario import Command, Scenario
 
 APEX, T = 0.05, 0.4
 
@@ -121,3 +122,14 @@ def test_a_joint_that_is_missing_gives_no_torque_and_costs_none(run, pushed):
     rewards = [run(episodes, [pushed(1)[0]], actions)[0, 0, -1] for actions in (0.0 * action, action)]
     assert episodes.core.physics.ctrl[0, 1] == 0.0
     assert rewards[0] - rewards[1] == pytest.approx(0.02)  # the change of the action
+
+
+def test_a_robot_that_turns_is_paid_for_its_own_command():
+    episodes = JointEpisodes(1)
+    for side, aside in (("left", 0.1), ("right", -0.1)):  # canonical y is to the right on the left foot
+        turning = Scenario("turn", command=Command(0.3, -0.1, 0.5), stance_side=side, duration=9.0)
+        episodes.begin(0, turning)
+        terms = episodes.step(np.zeros((1, 14), np.float32)).reward.terms[0]
+        x, y = episodes.core.truth[0, COM_VELOCITY]
+        wanted = math.exp(-((x - 0.3) ** 2 + (y - aside) ** 2) / 0.25)
+        assert terms[JOINT_REWARD_TERMS.index("velocity")] == pytest.approx(wanted)

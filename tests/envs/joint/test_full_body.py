@@ -418,3 +418,17 @@ def test_an_exact_robot_recovers_beside_one_on_its_own_sensors():
     for _ in range(60):
         episodes.step(np.zeros((2, 14), np.float32))
     assert episodes.monitor.state.recovered_at == pytest.approx([1.0, 1.0])
+
+
+def test_the_cop_of_a_robot_on_both_feet_is_between_them():
+    """Half-way aside, as its CoM is, and over the soles."""
+    episodes = FullBodyEpisodes(1, servos=servos(1500.0, 30.0))
+    episodes.begin(0, HOLD)
+    for _ in range(30):
+        episodes.step(np.zeros((1, 14), np.float32))
+    core = episodes.core
+    soles = core.simulations.data[0].site_xpos[list(core.body.indices.soles)]
+    x, y = core.world[0, 2:4]
+    assert y == pytest.approx(soles[:, 1].mean(), abs=0.005)
+    assert abs(x - soles[:, 0].mean()) < 0.1
+    assert core.world[0, 5] == pytest.approx(core.com[0, 1], abs=0.005)  # the CMP, too, is half-way aside

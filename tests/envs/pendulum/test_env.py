@@ -12,7 +12,7 @@ from push_recovery.controllers.model.nominal_gait import nominal_gait, nominal_s
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.pendulum.dynamics import settle
-from push_recovery.envs.pendulum.env import PendulumCore
+from push_recovery.envs.pendulum.env import PendulumCore, PendulumEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from scipy.integrate import solve_ivp
@@ -386,3 +386,14 @@ def test_a_trunk_that_swings_on_counts_before_it_stands(axis, com, rate, settles
     state.lift[0], state.com[0], state.rate[0, axis] = (0.0, -0.2), com, rate
     settle(state, 0, 1.0, core.physics)
     assert bool(state.standing[0]) == settles
+
+
+def test_any_body_that_is_pushed_is_the_pendulum():
+    ends = []
+    for body in ("pelvis", "link:left_elbow_joint"):
+        episodes = PendulumEpisodes(1)
+        episodes.begin(0, Scenario("arm", (Push((60.0, 0.0, 0.0), 0.1, 0.0, body),)))
+        for _ in range(5):
+            episodes.step(np.zeros((1, 7), np.float32))
+        ends.append(episodes.core.truth.copy())
+    np.testing.assert_array_equal(*ends)

@@ -311,3 +311,19 @@ def test_a_wall_is_mirrored_and_scaled_and_needs_collisions():
         Wall(0.0)
     with pytest.raises(InvalidValueError, match=r"Wall.direction \[rad\] must be finite"):
         Wall(1.0, math.nan)
+
+
+@pytest.mark.parametrize("height", [0.244, 0.439, 0.85])
+def test_stairs_of_suites_can_be_had_by_any_robot(height):
+    """In proportion, within the bounds of depth: 0.2 to 5 m."""
+    ratio = height / 0.8
+    stairs = Stairs(0.1, 5, 0.55, 0.35, 5.0).scaled(Similarity(1.0, ratio))
+    assert stairs.rise == pytest.approx(0.1 * ratio)
+    wanted = [min(max(depth * ratio, 0.2), 5.0) for depth in (0.55, 0.35, 5.0)]
+    assert [stairs.start, stairs.tread, stairs.landing] == pytest.approx(wanted)
+
+
+def test_a_slope_fills_no_stairs_that_lead_down():
+    floor = KnownFloor((Slope(0.02), Stairs(-0.1, 1, 0.3, landing=3.0)), Pattern(), HALF_SOLE)
+    assert floor.under(1.0, 0.0) == (-0.1, -0.1)
+    assert KnownFloor((Slope(0.02),), Pattern(), HALF_SOLE).under(1.0, 0.0) == (0.0, 0.0)

@@ -100,8 +100,8 @@ def test_the_start_is_that_of_the_preset_or_robot(monkeypatch):
     monkeypatch.setattr(module, "start_time", lambda name, **options: asked.append((name, options)) or 1.0)
     module.bench("PushRecovery/Pendulum-v0@default", 20.0)
     module.bench("PushRecovery/Pendulum-v0", 20.0)
-    assert asked == [("push_recovery:PushRecovery/Pendulum-v0", {"preset": "default"}),
-                     ("push_recovery:PushRecovery/Pendulum-v0", {})]  # fmt: skip
+    assert asked == [("PushRecovery/Pendulum-v0", {"preset": "default"}),
+                     ("PushRecovery/Pendulum-v0", {})]  # fmt: skip
     monkeypatch.undo()
     monkeypatch.setattr(module, "START", "import sys; sys.exit({options!r} != {{'preset': 'x'}})")
     assert start_time("A-v0", preset="x") > 0.0

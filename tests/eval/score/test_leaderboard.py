@@ -215,7 +215,7 @@ def test_what_results_name_is_imported_only_where_it_is_trusted(given, tmp_path,
     config = json.loads((out / "config.json").read_text())
     for env_id in ("planted:PushRecovery/X-v0", "planted:mine.robot.json"):
         (out / "config.json").write_text(json.dumps(config | {"env": env_id}))
-        with pytest.raises(InvalidValueError, match="runs the code of a module: .* submit takes --trust"):
+        with pytest.raises(InvalidValueError, match=r"runs the code of a module: .* submit takes --trust"):
             leaderboard.read_submission(out, suite)
     assert not (tmp_path / "ran").exists()
     with pytest.raises(Exception, match=r"."):
@@ -231,7 +231,7 @@ def test_a_policy_that_is_code_is_run_again_only_where_it_is_trusted(given, tmp_
     (out / "report.json").unlink()
     rows = [row | {"policy": "planted:Policy"} for row in rows_in(out) if row["policy"] == weak]
     write_rows(out, rows)
-    with pytest.raises(InvalidValueError, match="is code of a module: .* submit takes --trust"):
+    with pytest.raises(InvalidValueError, match=r"is code of a module: .* submit takes --trust"):
         check(out, suite)
     assert not (tmp_path / "ran").exists()
 
