@@ -46,7 +46,7 @@ lint: $(VENV)/dev.stamp
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 
-# rows of quick and hard and the numbers of reproduce against another commit's, bit for bit
+# rows of quick-1 and hard and the numbers of reproduce against another commit's, bit for bit
 REF ?= HEAD
 same: $(VENV)/run.stamp
 	$(BIN)/python benchmarks/same_rows.py $(REF)

@@ -33,7 +33,7 @@ ADAPTS = {
     "joint-residual": "as `two-stage`; a network corrects the joint torques",
     "joint-residual-hardware": "the same; the network has learned under `hardware`",
     "scratch": "as `two-stage`, but a network decides alone",
-    "joint": "joint targets, given by a network",
+    "joint": "joint targets, without a planner",
 }
 LEARNED = ("residual", "residual-hardware", "scratch", "joint", "joint-residual", "joint-residual-hardware")
 COLUMNS = (
