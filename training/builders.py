@@ -43,7 +43,7 @@ def make_env(settings: TrainingSettings) -> gym.Env:
     """One training environment: the plain one, the residual, the hold."""
     env = make_plain_env(settings.env_id, settings.profile)
     if hasattr(env.unwrapped, "push_distribution"):
-        env.unwrapped.push_distribution = settings.pushes.scaled(environments.size_of(env))  # type: ignore[attr-defined]
+        env.unwrapped.push_distribution = settings.drawn_pushes.scaled(environments.size_of(env))  # type: ignore[attr-defined]
     if acts_on_joints(env) != settings.on_joints:
         kinds = ("residual", "scratch") if settings.on_joints else ("joint", "joint-residual")
         raise InvalidValueError(

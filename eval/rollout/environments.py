@@ -150,17 +150,25 @@ def full_body_form(env_id: str) -> str:
 
 
 def all_joints(env: Any) -> tuple[str | None, ...]:
-    """Names of all joints of the robot of an environment, by which a contract finds its own."""
+    """Names of all joints of the robot of an environment, by which a contract finds its own.
+
+    Raises:
+        InvalidValueError: it has no robot with joints.
+    """
+    if not hasattr(getattr(env.unwrapped, "core", None), "body"):
+        raise InvalidValueError(
+            f"a policy of joint targets needs the environment of a robot, as {DEFAULT_ENV}"
+        )
     return joint_names(compiled_robot(driven(env.unwrapped.core.body.description)))
 
 
 def contender_env(env: Any, env_id: str, policy: str, **kwargs: Any) -> gym.Env:
     """The environment of a policy with a contract: its robot's, with the contract's servos and rate."""
-    found = read_contract(policy)
+    found, form = read_contract(policy), full_body_form(env_id)
     kwargs |= {"servos": found.servos(all_joints(env)), "control_hz": found.rate}
     if robot_file := EnvName.parse(env_id).robot:
         kwargs = {"robot": robot_file, **kwargs}
-    return make_env(full_body_form(env_id), **kwargs)
+    return make_env(form, **kwargs)
 
 
 def can_take(env: Any, name: str) -> bool:

@@ -219,3 +219,27 @@ def test_arms_keep_what_is_theirs_and_changes_come_last():
     raibert, own = small.robot("raibert")["limits"], BIPED.robot("raibert")["limits"]
     assert raibert["duration_max"] == pytest.approx(0.5**0.5 * own["duration_max"], rel=1e-5)
     assert (small.config().alpha_step, small.robot()["limits"]["width_max"]) == (3.0, 0.4)
+
+
+def test_numbers_of_a_robot_four_times_as_high_have_the_factors_of_their_units():
+    """Times double; its other ratios are primes, so that each says what a number goes with."""
+    scale = settings.Scale(4.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0)
+    factors = {
+        "planner": {
+            "alpha_offset": 1 / 16, "freeze": 2.0, "push_threshold": 4.0, "swing_acceleration": 29.0,
+            "beta_dcm_acceleration": 1.0, "beta_trunk": 1 / 169, "beta_trunk_rate": 1 / (13 * 17),
+            "beta_trunk_limit": 1 / 289, "trunk_gravity": 12.0, "cop_margin_x": 5.0, "cop_margin_y": 7.0,
+            "mpc_velocity": 4.0, "mpc_jerk": 64.0, "mpc_step": 2.0, "standing_horizon": 2.0,
+            "upright_stiffness": 1 / 4, "upright_damping": 1 / 2,
+        },
+        "limits": {"width_min": 7.0, "width_max": 4.0, "cop_x_max": 5.0, "trunk_acceleration_max": 13.0},
+        "gait": {"apex": 4.0, "landing_delay": 2.0, "early_load": 3.0, "descent": 2.0, "reach": 11.0},
+        "gains": {"swing_turn_kp": 1 / 4, "height_kd": 1 / 2},
+        "bounds": {
+            "yaw_friction": 5.0, "force_min": 3.0, "waist_price": 361.0, "pelvis_price": 529.0,
+            "heading_price": 16.0, "swing_turn_price": 16.0,
+        },
+    }  # fmt: skip
+    for section, expected in factors.items():
+        found = {name: scale.factor(settings.UNITS[section][name]) for name in expected}
+        assert found == pytest.approx(expected)

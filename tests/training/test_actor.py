@@ -15,8 +15,10 @@ from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.training.actor import (
+    CRITIC,
     Actor,
     check_critic,
+    critic_size,
     impulse_to_come,
     place_to_come,
     pushes_to_come,
@@ -222,3 +224,22 @@ def test_a_network_that_acts_alone_is_kept_out_by_the_gate_of_its_robots_if_they
     assert actor.gate_closed.tolist() == [True, False]
     outputs = np.full((2, 7), 0.5, np.float32)
     assert actor.actions(outputs) is outputs
+
+
+@pytest.mark.parametrize("psi", [math.pi / 2, math.pi, -math.pi / 2])
+def test_a_push_aside_or_from_the_front_takes_its_time_too(psi):
+    np.testing.assert_allclose(place_to_come(pushed(psi))[0], [0, 0, 0, 0, 0, 0.1], atol=1e-12)
+
+
+def test_a_push_later_in_the_first_step_waits_for_it():
+    """One of them, no step ahead."""
+    episodes = BipedEpisodes(1)
+    push = polar_push(1.0, 0.0, 0.1, GaitEvent(0, "left", 0.5))
+    episodes.begin(0, Scenario("x", pushes=(push,)))
+    np.testing.assert_allclose(pushes_to_come(episodes)[0], [0.25, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("name", CRITIC)
+def test_a_block_of_the_critic_is_as_long_as_it_says(name):
+    size, block = CRITIC[name]
+    assert block(pushed(0.0)).shape == (1, size) == (1, critic_size([name]))

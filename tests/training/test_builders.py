@@ -190,3 +190,19 @@ def test_plain_ppo_trains_straight_from_gym_make(env_id):
 def test_the_learning_rate_falls_from_its_start_to_its_end():
     rate = FallingRate(5e-4, 1e-4)
     assert [rate(remaining) for remaining in (1.0, 0.5, 0.0)] == pytest.approx([5e-4, 3e-4, 1e-4])
+
+
+@pytest.mark.parametrize(
+    ("reward", "divided"), [("recovery", False), ("steps", False), ("environment", True)]
+)
+def test_only_the_environments_own_reward_is_divided_where_nothing_is_said(vec_env_of, reward, divided):
+    venv = vec_env_of(dataclasses.replace(SMALL, env_id=PENDULUM, reward=reward), 0)
+    assert venv.norm_reward == divided
+
+
+def test_errors_are_drawn_where_an_environment_draws_its_scenarios_itself():
+    settings = dataclasses.replace(SMALL, env_id=PENDULUM, errors=(("friction", 0.5, 0.5),))
+    env = make_env(settings)
+    drawn = env.unwrapped.push_distribution.sample(np.random.default_rng(0))
+    assert drawn.errors.friction == 0.5
+    env.close()

@@ -317,3 +317,8 @@ def test_a_checkpoint_imports_no_module_that_the_user_did_not_name(tmp_path, toy
         train(resume=out)
     with pytest.raises(RuntimeError, match="code of the checkpoint has run"):
         train(resume=out, env="evilmod:X-v0")
+
+
+def test_shares_and_discounts_may_be_one():
+    ones = dict.fromkeys(("gamma", "gae_lambda", "least_acceptance", "easy_share"), 1.0)
+    assert all(getattr(TrainingSettings(**ones), name) == 1.0 for name in ones)

@@ -1,5 +1,7 @@
 """Models of Stable-Baselines3 as policy files: the same actions, and what a file can't hold is refused."""
 
+import copy
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -308,3 +310,11 @@ def test_of_another_robot_a_file_says_which(toy):
     env = gym.make("push_recovery:PushRecovery/Biped-v0", robot="g1")
     about = from_sb3(make_model(sb3.PPO, env), env).description
     assert about.robot.mass == env.unwrapped.robot.mass != gym.make(PENDULUM).unwrapped.robot.mass
+
+
+@pytest.mark.parametrize("change", [{"clip_obs": 3.0}, {"epsilon": 1e-3}])
+def test_equal_statistics_that_are_clipped_otherwise_are_refused(change):
+    venv, other = normalised(), VecNormalize(DummyVecEnv([pendulum]), **change)
+    other.obs_rms = copy.deepcopy(venv.obs_rms)
+    with pytest.raises(InvalidValueError, match="the statistics of `normalise` are not those of"):
+        from_sb3(make_model(sb3.PPO, venv), pendulum(), other)

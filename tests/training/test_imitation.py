@@ -8,8 +8,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import torch
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.joint_control import PREVIOUS_ACTION
+from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.envs.joint.taught import TaughtEpisodes
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
@@ -297,3 +300,35 @@ def test_entries_that_do_not_move_are_seen_as_zero():
     seen = normalisation_of(np.full((5, 58), 3.0, np.float32))
     assert seen.variance[0] == pytest.approx(1e-4)
     np.testing.assert_array_equal(seen.apply(np.full((1, 58), 3.0))[0, :3], 0.0)
+
+
+@pytest.mark.parametrize(("error", "loss"), [(0.05, 0.0125), (0.3, 0.25)])
+def test_an_error_counts_by_its_square_up_to_beta_and_then_by_its_size(error, loss):
+    """e^2 / (2 beta), then e - beta / 2, with beta 0.1."""
+    student = Student(ImitationSettings(layers=(4,), beta=0.1))
+    for parameter in student.network[-1].parameters():
+        torch.nn.init.zeros_(parameter)
+    targets = np.full((2, 14), error, np.float32)
+    found = student.fit(np.zeros((2, 58), np.float32), targets, 0.0)
+    assert found == pytest.approx(loss, rel=1e-5)
+
+
+def test_the_normalisation_is_that_of_the_first_rounds():
+    """Of samples 0, then 1 twice, then 2 twice the first three have the mean 2 / 3."""
+    episodes = Taught()
+    episodes.robot, episodes.limits = RobotModel(), GaitLimits()
+    settings = ImitationSettings(
+        robots=3, rounds=3, periods=1, batches=1, batch_size=4, shown_rounds=0, settle_rounds=2,
+        last_batches=0, layers=(4,), unpushed=0.0,
+    )  # fmt: skip
+    assert imitate(settings, episodes).normalisation.mean[0] == pytest.approx(2.0 / 3.0)
+
+
+def test_a_teacher_leads_for_up_to_the_longest_lead():
+    settings = ImitationSettings(robots=3, shown_rounds=0, free_share=0.0, longest_lead=0.5)
+    collector, turns = Collector(settings, Taught(), np.random.default_rng(0)), []
+    for _ in range(200):
+        collector._begin(0, 5)
+        turns.append(collector._turn[0])
+    assert 0.0 <= min(turns) < 0.05
+    assert 0.45 < max(turns) <= 0.5

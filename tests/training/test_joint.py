@@ -107,3 +107,12 @@ def test_robots_of_a_run_share_one_native_environment(vec_env_of):
     _, rewards, _, _ = venv.step(np.zeros((2, 14), np.float32))
     assert np.isfinite(rewards).all()
     venv.close()
+
+
+def test_a_teacher_shows_by_the_seed_and_the_layers_of_the_run(tmp_path, monkeypatch):
+    shown = []
+    monkeypatch.setattr(run, "imitate_once", lambda settings, path, report: shown.append((settings, path)))
+    settings = TrainingSettings("joint", teacher=True, seed=7, policy_layers=(16, 8))
+    run.taught_policy(settings, tmp_path / "taught")
+    ((asked, path),) = shown
+    assert (asked.seed, asked.layers, path) == (7, (16, 8), tmp_path / "taught")

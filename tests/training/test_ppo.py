@@ -180,6 +180,8 @@ def test_a_policy_of_another_activation_is_refused(policy):
 def test_another_normalisation_is_refused(policy):
     with pytest.raises(InvalidValueError, match="are not the environments'"):
         make(clip_obs=5.0).start_from(policy)
+    with pytest.raises(InvalidValueError, match="are not the environments'"):
+        make(epsilon=1e-3).start_from(policy)
 
 
 @pytest.fixture
@@ -290,3 +292,14 @@ def test_a_run_begins_with_its_noise_and_ends_below_the_bound():
     algorithm = adapting(0.01, log_std=-1.0, log_std_end=-2.0, timesteps=64)
     algorithm.learn(64, [])
     assert (algorithm.model.policy.log_std < -1.4).all()  # bounded by -1.5 before the second of two rollouts
+
+
+def test_while_the_value_is_learned_nothing_of_the_policy_moves(policy):
+    algorithm = make()
+    algorithm.start_from(policy)
+    acting = algorithm.model.policy
+    parts = acting.mlp_extractor.policy_net, acting.action_net
+    parameters = [acting.log_std, *(one for part in parts for one in part.parameters())]
+    before = [one.detach().clone() for one in parameters]
+    algorithm.model.learn(64, callback=ValueFirst(1000))
+    assert all((one == kept).all() for one, kept in zip(parameters, before, strict=True))

@@ -153,3 +153,12 @@ def test_a_reward_is_added_by_a_class_and_its_name(monkeypatch):
     assert rewards.tolist() == [0.5, -1.5]  # of two periods
     with pytest.raises(UnknownNameError, match=r"reward 'efortless'; did you mean 'effortless'"):
         TrainingSettings(reward="efortless")
+
+
+def test_a_fall_ends_an_episode_of_the_environments_own_reward():
+    reward = EnvironmentReward(robots([0.0] * 3), GAMMA)
+    reward.begin(np.arange(3))
+    fallen = period(failed=(1, 0, 1), total=(-5.0, 2.0, 3.0))
+    ended = reward.period(fallen, np.array([True, True, False]), OPEN)
+    assert ended.tolist() == [True, False, False]
+    assert reward.collect(ended).tolist() == [-5.0, 2.0, 0.0]

@@ -535,7 +535,12 @@ def test_a_run_begins_as_no_policy_of_other_inputs_or_another_environment(settin
 
 
 @pytest.mark.parametrize(
-    ("change", "words"), [({"gate": None}, "whose gate"), ({"policy": "stage-1"}, "whose policy")]
+    ("change", "words"),
+    [
+        ({"gate": None}, "whose gate"),
+        ({"policy": "stage-1"}, "whose policy"),
+        ({"scale": (0.5,) * 7}, "whose scale"),
+    ],
 )
 def test_a_correction_begins_as_one_of_the_same_policy_and_gate(change, words):
     for changed in ({}, change):
@@ -555,3 +560,10 @@ def test_later_checkpoints_are_given_up_with_the_part_of_the_run(tmp_path, train
     assert [one.name for one in find_checkpoints(out)] == ["000000000768", "000000001024"]
     resume(find_checkpoints(out)[0], 768)
     assert load_checkpoint(out).timesteps == 768
+
+
+@pytest.mark.parametrize(("like", "frame"), [((), "world"), (("quick",), "heading")])
+def test_a_run_is_judged_on_pushes_of_the_kinds_that_it_trains_on(tmp_path, settings, like, frame):
+    with closing(Run(dataclasses.replace(settings, like=like), tmp_path / "run")) as run:
+        assert {scenario.pushes[0].frame for scenario in run.scenarios} == {frame}
+        assert {scenario.settle_time for scenario in run.scenarios} == {4.0}

@@ -150,3 +150,15 @@ def test_a_method_is_called_once_for_all_and_not_for_some():
     with pytest.raises(InvalidValueError, match="share one environment"):
         venv.env_method("told", "b", indices=1)
     assert words == ["a"]
+
+
+def test_seeds_and_scenarios_are_for_one_reset_alone():
+    venv, told = SB3VecEnv(Ending()), []
+    own = venv.env.reset
+    venv.env.reset = lambda **given: told.append(given) or own(**given)
+    venv.seed(7)
+    venv.set_options({"scenario": "one"})
+    venv.reset()
+    venv.reset()
+    first = {"seed": [7, 8, 9, 10], "options": {"scenario": ["one"] * 4}}
+    assert told == [first, {"seed": None, "options": None}]

@@ -26,6 +26,7 @@ from push_recovery.training.starts import (
     relative,
     relative_push,
     take_walks,
+    total_impulse,
 )
 
 
@@ -410,3 +411,9 @@ def test_pushes_at_times_keep_their_pauses():
     assert len(found) == 4
     assert found[0] == 2.005
     assert np.diff(found) == pytest.approx(np.diff([push.start for push in scenario.pushes]))
+
+
+def test_several_pushes_count_as_the_one_that_does_as_much():
+    """30 and 40 N s are 50, whatever their directions."""
+    pushes = polar_push(300.0, 0.4, 0.1, 0.5), polar_push(200.0, -2.0, 0.2, 1.5)
+    assert total_impulse(Scenario("x", pushes)) == pytest.approx(50.0)

@@ -363,3 +363,12 @@ def test_a_setting_that_is_gone_may_be_off_in_a_file(tmp_path, reach):
     else:
         with pytest.raises(InvalidValueError, match="planner config must be an object with the keys"):
             NetworkPolicy.load(path)
+
+
+def test_standing_of_a_file_from_before_it_has_the_values_of_its_time(tmp_path):
+    config = dataclasses.asdict(PlannerConfig(beta_dcm=123.0))
+    del config["standing_horizon"], config["standing_carry"]
+    scale = SCALE.tolist()
+    residual = {"policy": "two-stage", "preset": "default", "scale": scale, "config": config, "gate": None}
+    found = NetworkPolicy.load(edit(tmp_path, residual=residual)).description.residual.config
+    assert (found.standing_horizon, found.standing_carry, found.beta_dcm) == (0.6, 0.1, 123.0)

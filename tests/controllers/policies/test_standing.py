@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from push_recovery.controllers.model.gait_box import GaitLimits
+from push_recovery.controllers.model.gait_box import COP, GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait, step_start_dcm
 from push_recovery.controllers.model.observation import (
     COM,
@@ -20,7 +20,7 @@ from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.model.standing import HULL_COLUMNS, HULL_ROWS, Feet, standing_margin
 from push_recovery.controllers.policies.standing import margin_in_place
 from push_recovery.controllers.policies.two_stage import make_policy
-from push_recovery.controllers.stage_1 import OFFSET
+from push_recovery.controllers.stage_1 import OFFSET, ROW_SIZE
 
 
 @pytest.mark.parametrize(
@@ -144,3 +144,16 @@ def test_in_place_a_felt_push_counts_as_going_on_for_a_tenth_of_a_second():
     assert policy.plan(felt).gait[3:] == pytest.approx(policy.plan(moved).gait[3:], abs=1e-9)
     felt[PUSH_ESTIMATE] = 0.1, 0.08  # 0.128 m
     assert policy.plan(felt).gait.tolist() == policy.plan(standing(dcm)).gait.tolist()
+
+
+def test_a_foot_lifts_after_the_shortest_shift_that_saves_all_but_a_hundredth(monkeypatch):
+    """In costs of a DCM that is 2 mm off: 1 at best, so that 1 + 0.01 (1000 - 1) + 1 = 11.99 is enough."""
+    policy, seen = make_policy("two-stage"), standing((0.0, 0.1))
+    policy.predict(seen)
+    stander, row = policy._standers[0], np.zeros(ROW_SIZE)
+    assert stander._shifts == pytest.approx(np.linspace(0.0, 0.4, 41))
+    costs = policy.config.alpha_offset * 0.002**2 * np.array([1000.0, 12.1, 11.9, 1.0])
+    cops, rows = 0.01 * np.arange(8.0).reshape(4, 2), np.zeros((4, ROW_SIZE))
+    monkeypatch.setattr(stander, "_candidates", lambda seen: (cops, costs, rows))
+    stander._step(seen, row, False)
+    assert row[COP : COP + 2].tolist() == cops[2].tolist()

@@ -1,16 +1,19 @@
 import math
 import pickle
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.nominal_gait import strip, transfer_mean
+from push_recovery.controllers.model.observation import ELAPSED
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.qp import solve_qp
 from push_recovery.controllers.settings import preset_config
-from push_recovery.controllers.stage_2.double_support import DoubleSupportPlanner
+from push_recovery.controllers.stage_1 import ROW_SIZE
+from push_recovery.controllers.stage_2.double_support import DoubleSupportPlanner, WithDoubleSupport
 from push_recovery.controllers.stage_2.problem import SOLVED
 
 ROBOT, LIMITS = RobotModel(), GaitLimits()
@@ -113,3 +116,15 @@ def test_bad_input_is_named():
         PLANNER.plan_batch(rows(1)[0])
     with pytest.raises(InvalidValueError, match="margins"):
         DoubleSupportPlanner(ROBOT, LIMITS, replace(CONFIG, cop_margin_y=0.05))
+
+
+def test_both_feet_count_while_they_stand_for_most_of_the_coming_period():
+    """0.1 s of double support, periods of 0.01 s: up to 0.095 s."""
+    single, joint = [], []
+    one = SimpleNamespace(regulate=lambda seen, rows: single.extend(seen[:, ELAPSED].tolist()))
+    planner = WithDoubleSupport(PLANNER, one)
+    planner._regulate_both = lambda seen, rows: joint.extend(seen[:, ELAPSED].tolist())
+    seen = np.zeros((4, 36))
+    seen[:, ELAPSED] = 0.0, 0.094, 0.096, 0.3
+    planner.regulate(seen, np.zeros((4, ROW_SIZE)))
+    assert (joint, single) == ([0.0, 0.094], [0.096, 0.3])

@@ -235,3 +235,9 @@ def test_bad_input_is_named():
         CopPlanner(ROBOT, LIMITS, replace(CONFIG, cop_margin_y=0.05))
     with pytest.raises(InvalidValueError, match="beta_trunk"):
         CopPlanner(ROBOT, LIMITS, replace(CONFIG, beta_trunk=0.0))
+
+
+def test_a_touchdown_one_interval_beyond_the_longest_horizon_is_refused():
+    assert call(PLANNER, 1.3, np.zeros(10)).status == "solved"
+    with pytest.raises(InvalidValueError, match=r"at most 1\.3 s"):
+        call(PLANNER, 1.32, np.zeros(10))

@@ -496,3 +496,77 @@ def test_torques_that_a_contract_limits_bound_those_joints_alone(mjlab):
     torque = dict(zip(JOINTS, contract.servos(["waist_pitch", *JOINTS]).torque, strict=True))
     assert (torque.pop("left_knee"), torque.pop("right_ankle_roll")) == (33.0, 7.0)
     assert min(torque.values()) >= 1e6
+
+
+@pytest.mark.parametrize("env_id", ["PushRecovery/Pendulum-v0", "PushRecovery/BipedJoint-v0"])
+def test_a_policy_of_joint_targets_needs_a_robot_with_joints(mjlab, env_id):
+    words = "needs the environment of a robot, as PushRecovery/Biped-v0"
+    with pytest.raises(InvalidValueError, match=words), acting_in(env_id, mjlab()):
+        pass
+
+
+def test_a_target_is_the_contracts_offset_and_not_its_pose(mjlab):
+    """A network of zeros asks for 0.3 rad everywhere: 0.3 less the pose."""
+    offset = {"control.actions.joint_pos.offset": dict.fromkeys(JOINTS, 0.3)}
+    contract = read_contract(mjlab(), offset)
+    env = FullBodyEnv(contract.servos(["waist_pitch", "waist_roll", *JOINTS]), control_hz=50.0)
+    row, _ = env.reset(options={"scenario": Scenario("s", duration=1.0)})
+    action, _ = Contender(contract, env.episodes).predict(row)
+    off = action[[env.episodes.joints.index(name) for name in JOINTS]] * 2.0 * math.pi
+    assert off == pytest.approx([0.3, 0.3, 0.5, -0.1, 0.5, 0.3] * 2, abs=1e-6)
+    env.close()
+
+
+def test_a_joint_that_the_robot_may_lack_counts_as_in_its_default_pose(mjlab):
+    names = ["tail" if name == "left_knee" else name for name in JOINTS]  # of 0.4 rad
+    contract = read_contract(mjlab(joint_names=",".join(names)), {"control.absent": ["tail"]})
+    env = FullBodyEnv(contract.servos(["waist_pitch", "waist_roll", *JOINTS]), control_hz=50.0)
+    row, _ = env.reset(options={"scenario": Scenario("s", duration=1.0)})
+    policy, seen = Contender(contract, env.episodes), []
+    observe = policy.observe
+    policy.observe = lambda *given: seen.append(observe(*given)) or seen[-1]
+    policy.predict(row)
+    assert np.reshape(seen[0], -1)[[15, 27]] == pytest.approx([0.0, 0.0], abs=1e-9)  # its angle and its rate
+    env.close()
+
+
+def test_joints_beside_those_of_the_network_are_held_as_the_contract_says(mjlab):
+    held = {
+        "pose": {"waist_pitch": 0.1, "tail": 0.5},
+        "kp": {"waist_pitch": 200.0, "tail": 1.0},
+        "kd": {"waist_pitch": 5.0, "tail": 2.0},
+    }
+    contract = read_contract(mjlab(), {"control.unlisted": held})
+    servos = contract.servos(["waist_pitch", "waist_roll", *JOINTS])
+    assert servos.joints == (*JOINTS, "waist_pitch")
+    assert (servos.posture[-1], servos.stiffness[-1], servos.damping[-1]) == (0.1, 200.0, 5.0)
+
+
+@pytest.mark.parametrize("outputs", [11, 13])
+def test_a_network_that_moves_more_or_fewer_joints_is_refused(mjlab, outputs):
+    said = rf"names of policy .* has 12 joints, the network gives {outputs} numbers"
+    with pytest.raises(InvalidValueError, match=said):
+        read_contract(mjlab(np.zeros((outputs, SIZE))))
+
+
+def test_a_t1_of_holosoma_has_a_pose_and_scales_of_its_own(tmp_path):
+    arm = ("Shoulder_Pitch", "Shoulder_Roll", "Elbow_Pitch", "Elbow_Yaw", "Wrist_Pitch", "Wrist_Yaw",
+           "Hand_Roll")  # fmt: skip
+    leg = ("Hip_Pitch", "Hip_Roll", "Hip_Yaw", "Knee_Pitch", "Ankle_Pitch", "Ankle_Roll")
+    sides = ("Left", "Right")
+    joints = ["AAHead_yaw", "Head_pitch", *(f"{side}_{one}" for side in sides for one in arm), "Waist"]
+    joints += [f"{side}_{one}" for side in sides for one in leg]
+    texts = {"dof_names": joints, "kp": [40.0] * 29, "kd": [2.0] * 29}
+    path = tmp_path / "walker.onnx"
+    save_network(path, np.zeros((29, 100)), {key: json.dumps(value) for key, value in texts.items()})
+    contract = read_contract(str(path))
+    leg_pose = [-0.2, 0, 0, 0.4, -0.25, 0]
+    pose = [0, 0, 0.2, -1.35, 0, -0.5, 0, 0, 0, 0.2, 1.35, 0, 0.5, 0, 0, 0, 0, *leg_pose, *leg_pose]
+    assert contract.of_joints("control.default_joint_pos", joints) == pytest.approx(pose)
+    terms = contract.get("policy_io.observation_groups.policy.terms")
+    scales = {term["source_name"]: set(term["scale"]) for term in terms}
+    assert (scales["base_ang_vel"], scales["dof_vel"]) == ({1.0}, {0.1})
+    robot = [one for one in joints if "Wrist" not in one and "Hand" not in one]
+    assert contract.present(robot) == tuple(robot)  # T1 of 23 joints
+    with pytest.raises(UnknownNameError, match="'Waist'"):
+        contract.present([one for one in robot if one != "Waist"])

@@ -1,14 +1,18 @@
 """Policies with a robot of their own: who walks what, wherever a policy is named."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
+from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.settings import PresetFile
 from push_recovery.envs.biped.env import BipedEnv, BipedEpisodes
+from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.api import rollout as named_rollout
-from push_recovery.eval.rollout.environments import has_own_robot, make_env
+from push_recovery.eval.rollout.environments import full_body_form, has_own_robot, make_env, under_profile
 from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.rollout.policy_source import policy_sources
@@ -60,3 +64,31 @@ def test_policies_side_by_side_walk_their_own_robots(preset):
         differs = rollout(common, load_policy(arm, common), SCENARIO, label) != expected
         assert differs == (label == "mine")
     runner.close()
+
+
+def test_a_profile_is_put_on_a_scenario_at_the_size_of_the_robot():
+    """Half the mass at the same height halves torques, inertias and powers; what a scenario says stands."""
+    env = SimpleNamespace(unwrapped=SimpleNamespace(robot=RobotModel(mass=30.0)))
+    found = under_profile(env, Scenario("x", errors=ModelErrors(friction=0.3)), "hardware")
+    errors = found.errors
+    assert (errors.joint_friction, errors.armature, errors.motor_power) == pytest.approx((0.5, 0.015, 1000.0))
+    assert (errors.friction, found.sensing) == (0.3, "onboard")
+
+
+@pytest.mark.parametrize(
+    ("env_id", "form"),
+    [
+        ("PushRecovery/Biped-v0", "PushRecovery/BipedFullBody-v0"),
+        ("PushRecovery/Biped-v0@mine.json", "PushRecovery/BipedFullBody-v0@mine.json"),
+        ("PushRecovery/G1FullBody-v0@g1", "PushRecovery/G1FullBody-v0@g1"),
+        ("theirs:Robot-v0", "theirs:RobotFullBody-v0"),
+    ],
+)
+def test_the_form_of_all_joints_is_of_the_same_robot_and_preset(env_id, form):
+    assert full_body_form(env_id) == form
+
+
+@pytest.mark.parametrize("name", ["Pendulum", "BipedJoint", "BipedJointResidual"])
+def test_what_has_no_form_of_all_joints_is_refused(name):
+    with pytest.raises(InvalidValueError, match="needs the environment of a robot"):
+        full_body_form(f"PushRecovery/{name}-v0")

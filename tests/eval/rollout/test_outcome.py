@@ -304,3 +304,37 @@ def test_sums_over_time_know_how_long_a_period_is(episodes):
     meter.look()
     found = meter.of(0)
     assert (found["energy"], found["heading_error"]) == pytest.approx((1.2, 0.02), abs=1e-6)
+
+
+def test_pushes_that_follow_a_law_are_told_by_what_they_have_delivered(episodes):
+    """(3, 4, 0) and (0, 0, 12) N s are 13 N s; those of robot 1 are constant."""
+    meter, pushes = EffortMeter(episodes), episodes.core.pushes
+    for k in range(2):
+        meter.begin(k)
+    pushes.law[0, 1] = 1
+    pushes.delivered[:] = (3.0, 4.0, 0.0), (0.0, 0.0, 12.0)
+    meter.look()
+    assert meter.of(0)["delivered"] == pytest.approx(13.0)
+    assert "delivered" not in meter.of(1)
+
+
+@pytest.mark.parametrize(("touchdowns", "error"), [(0, None), (1, 0.01)])
+def test_the_error_of_the_dcm_is_known_from_the_first_touchdown_on(episodes, touchdowns, error):
+    meter = EffortMeter(episodes)
+    meter.begin(0)
+    episodes.monitor.state.touchdowns[0] = touchdowns
+    meter.look()
+    assert meter.of(0)["dcm_error"] == error
+
+
+@pytest.mark.parametrize("signs", [(1, 1), (1, -1), (-1, 1), (-1, -1)])
+def test_outside_a_sole_the_margin_is_the_distance_from_its_nearest_corner(episodes, signs):
+    """3 cm before or behind and 4 cm beside each corner of 0.2 x 0.1 m, on either foot."""
+    meter, truth = EffortMeter(episodes), episodes.core.truth
+    truth[0, SWING_POSITION] = 0.05, 0.2, 0.0
+    for contacts, (x, y) in (((1, 0), (0.0, 0.0)), ((0, 1), (0.05, 0.2))):
+        meter.begin(0)
+        truth[0, [STANCE_CONTACT, SWING_CONTACT]] = contacts
+        truth[0, DCM] = x + 0.13 * signs[0], y + 0.09 * signs[1]
+        meter.look()
+        assert meter.of(0)["margin_of_stability"] == pytest.approx(-0.05)
