@@ -406,9 +406,14 @@ PERIODS_MAX = 20  # that one `advance` catches up with; a slower computer plays 
 class LastPush:
     """Start of a replay."""
 
-    push: Push
+    pushes: tuple[Push, ...]  # of each lane
     kind: str
     before: tuple[LaneState, ...]  # of each lane, when it was given
+
+    @property
+    def push(self) -> Push:
+        """The first robot's."""
+        return self.pushes[0]
 
 
 class Session:
@@ -491,7 +496,7 @@ class Session:
         pushes = [KINDS[kind](ByHand(chosen, body, lane)).forces[0] for lane in self.lanes]
         for lane, push in zip(self.lanes, pushes, strict=True):
             lane.push(push, kind)
-        self.last = LastPush(pushes[0], kind, before)
+        self.last = LastPush(tuple(pushes), kind, before)
         return pushes[0]
 
     def drive(self, vx: float, vy: float, turn: float) -> None:
@@ -550,16 +555,13 @@ class Session:
         """
         if self.last is None:
             raise InvalidValueError("there is no push yet that could be replayed")
-        push = self.last.push
-        for lane, state in zip(self.lanes, self.last.before, strict=True):
+        for lane, state, push in zip(self.lanes, self.last.before, self.last.pushes, strict=True):
             lane.put(state)
-            later = state.snapshot.time - self.last.before[0].snapshot.time  # than the first robot's
-            start = push.start if isinstance(push.start, GaitEvent) else push.start + later
-            lane.push(replace(push, start=start), self.last.kind)
+            lane.push(push, self.last.kind)
         if _at_rest(self.first.command):
             self.stands = any(lane.command.stand for lane in self.lanes)
         self._owed = 0.0
-        return push
+        return self.last.push
 
     def restart(self) -> None:
         """All robots begin a new walk under the command of now."""

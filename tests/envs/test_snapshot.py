@@ -1,3 +1,4 @@
+import hashlib
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -7,7 +8,7 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.envs.scenario.model_errors import PhysicsOptions
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario, StartOffset
-from push_recovery.envs.snapshot import RobotSnapshot, arrays_of, take_rows
+from push_recovery.envs.snapshot import RobotSnapshot, arrays_of, digest_of, take_rows
 
 
 class Walk(NamedTuple):
@@ -101,3 +102,7 @@ def test_what_a_walk_began_with_must_stay(change):
     assert snapshot.check_scenario(Scenario("b", **same)) == []
     with pytest.raises(InvalidValueError, match=f"must have its {next(iter(change))}"):
         snapshot.check_scenario(Scenario("b", **change))
+
+
+def test_a_digest_knows_where_one_part_ends():
+    assert digest_of(b"a", b"bc") == hashlib.sha256(b"a\0bc").hexdigest()[:12] != digest_of(b"ab", b"c")

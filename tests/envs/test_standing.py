@@ -356,3 +356,17 @@ def test_a_step_goes_no_further_for_a_standing_pendulum():
     for _ in range(80):
         episodes.step(np.repeat(STAY, 2, axis=0))
     assert episodes.core.pushes.start[:, 0].tolist() == [0.0, np.inf]
+
+
+def test_a_late_cop_stays_where_it_was_asked_for_between_feet_astride():
+    """The other foot stands at (0.1, -0.2), the CoP between both, along its sole and 5 cm beside it."""
+    episodes = PendulumEpisodes(1)
+    errors = ModelErrors(delay=0.02)
+    episodes.begin(0, Scenario("late", (), STAND, errors=errors, duration=5.0, stride=0.1))
+    for _ in range(4):
+        episodes.step(STAY)
+    state = episodes.core.state
+    np.testing.assert_allclose(state.cop[0], [0.05, -0.1], atol=1e-9)
+    episodes.step(np.array([[0.0, 0.0, -1.0, 0.0, 0.9, 0.0, 0.0]], np.float32))
+    assert state.side[0] == 1
+    np.testing.assert_allclose(state.cop[0], [0.05, -0.15], atol=1e-9)

@@ -223,3 +223,21 @@ def on_joints():
 def test_what_is_no_gait_environment_or_no_policy_is_refused(env, policy, told):
     with pytest.raises(PushRecoveryError, match=told):
         ResidualAction(env, policy)
+
+
+def test_what_the_caller_does_to_the_observation_of_a_step_does_not_reach_the_policy():
+    env = ResidualAction(EchoEnv(), EchoPolicy())
+    env.reset(seed=0)
+    observation = env.step(np.zeros(7, np.float32))[0]
+    kept = observation.copy()
+    observation[:] = 7.0
+    info = env.step(np.zeros(7, np.float32))[4]
+    np.testing.assert_array_equal(info["baseline_action"], kept[:7].astype(np.float32))
+
+
+def test_a_robot_is_not_put_back_above_a_policy_that_remembers():
+    env = ResidualAction(EchoEnv(), EchoPolicy())
+    env.reset(seed=0)
+    env.step(np.zeros(7, np.float32))
+    with pytest.raises(InvalidValueError, match="only above a policy without memory"):
+        env.restore(None)

@@ -200,3 +200,9 @@ def test_standing_has_no_step_before_it():
     episodes = PendulumEpisodes(1)
     episodes.begin(0, Scenario("a", command=Command(stand=True)))
     assert episodes.core.previous_action[0, 2] == 1.0
+
+
+def test_the_callers_mask_of_robots_is_left_alone():
+    live = np.ones(3, np.bool_)
+    hold_action(Counting([1, 2, 3]), live, 3, lambda live: np.zeros((3, 7), np.float32), lambda *_: None)
+    assert live.all()

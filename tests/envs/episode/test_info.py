@@ -122,3 +122,12 @@ def test_a_stander_is_in_no_phase():
     reader = written()
     reader._episodes.core.truth[0, ELAPSED] = -1.0
     assert reader.of_robot(0, np.zeros(7))["phase"] == 0.0
+
+
+def test_arrays_and_masks_of_info_are_the_callers_each_for_itself():
+    reader, everyone, terms = written(), np.array([True, True]), np.zeros((2, 7))
+    info = reader.of_robots(everyone, terms)
+    info["_time"][:], info["scenario_id"][:] = False, None
+    assert everyone.all()
+    assert info["_phase"].all()
+    assert reader.of_robots(everyone, terms)["scenario_id"].tolist() == ["a", "b"]

@@ -309,3 +309,29 @@ def test_overwriting_removes_what_tells_of_frontiers_and_basins_too(tmp_path):
     RowFile(tmp_path, {}, ("policy",), overwrite=True).close()
     assert not [name for name in told if (tmp_path / name).exists()]
     assert (tmp_path / "notes.md").exists()
+
+
+def test_packages_after_one_that_is_not_installed_are_told_too():
+    found = store_rows.versions(("no-such-package-anywhere", "numpy"))
+    assert found["numpy"] == np.__version__
+    assert "no-such-package-anywhere" not in found
+
+
+def test_a_row_that_json_does_not_know_is_refused_and_leaves_nothing(tmp_path):
+    with store(tmp_path) as rows, pytest.raises(ValueError, match="JSON compliant"):
+        rows.append({"policy": "a", "recovered": True, "share": float("nan")})
+    with store(tmp_path) as again:
+        assert again.rows == {}
+
+
+def test_overwriting_removes_every_page_and_leaves_folders_and_other_files(tmp_path):
+    pages = "compare-a-b.md", "index.html", "profiles.png", "report-a.json", "frontier.md"
+    for name in (*pages, "frontier.txt"):
+        (tmp_path / name).touch()
+    (tmp_path / "basin.svg").mkdir()
+    RowFile(tmp_path, {}, ("policy",), overwrite=True).close()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["basin.svg", "config.json", "frontier.txt"]
+
+
+def test_what_differs_is_what_is_other_or_missing_on_either_side():
+    assert store_rows.differing({"a": 1, "b": 2, "c": 3}, {"a": 1, "b": 0, "d": 4}) == ["b", "c", "d"]

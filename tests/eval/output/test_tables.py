@@ -42,3 +42,7 @@ def test_a_table_fits_into_a_terminal_without_breaking_words(monkeypatch, capsys
 def test_a_table_that_fits_keeps_its_headings_on_one_line(capsys):
     TABLE.print()  # no terminal: 160 columns
     assert "95 % interval [%] ┃ flywheel velocity frozen ┃" in capsys.readouterr().out
+
+
+def test_a_stem_is_the_words_while_they_are_short_and_then_their_hash():
+    assert [len(tables.stem_or_hash([word], "w")) for word in ("a" * 80, "a" * 81, "")] == [80, 8, 8]

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from push_recovery.envs.biped.view import set_posture
 from push_recovery.envs.rendering import RenderError
-from push_recovery.envs.scenario.scenario import Command
-from push_recovery.eval.play.browser import Panel
+from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.eval.play import desktop as in_window
+from push_recovery.eval.play.browser import App, Panel
 from push_recovery.eval.play.desktop import Desktop, play_in_window
-from push_recovery.eval.play.session import FirstPush, Session
+from push_recovery.eval.play.session import FirstPush, Session, push_now
 
 
 @pytest.fixture
@@ -101,3 +102,46 @@ def test_a_key_that_nobody_knows_is_left(desktop):
     desktop.key(-1)
     desktop.answer_keys()
     assert desktop.session.last is None
+
+
+def test_a_drag_of_less_than_half_a_newton_second_is_no_push():
+    body = SimpleNamespace(indices=SimpleNamespace(trunk=2))
+    lane, pushed = SimpleNamespace(episodes=SimpleNamespace(core=SimpleNamespace(body=body))), []
+    session = SimpleNamespace(first=lane, push=lambda impulse, part: pushed.append((impulse.tolist(), part)))
+    window = Desktop(session, FirstPush(12.0, 90.0))
+    data = SimpleNamespace(xmat=np.tile(np.eye(3).ravel(), (3, 1)), xpos=np.zeros((3, 3)))
+    for way in (0.0049, 0.0051):  # [m], 100 N s each
+        place = np.array([0.0, way, 0.0])
+        held = SimpleNamespace(active=1, select=1, localpos=np.zeros(3), refselpos=place)
+        window.answer_mouse(held, data)
+        window.answer_mouse(SimpleNamespace(active=0, select=1), data)
+    assert pushed == [(pytest.approx([0.0, 0.51]), "pelvis")]
+
+
+def test_it_reports_recoveries_and_falls_once_each(monkeypatch, capsys):
+    said = iter(["walks, 0.1 s", "pushed 0.05 s ago", "recovered 1 s after", "recovered 1 s after",
+                 "stands, 3.0 s", "recovered 1 s after", "fell 0.50 s after the push"])  # fmt: skip
+    monkeypatch.setattr(in_window, "status_words", lambda lane: next(said))
+    window = Desktop(SimpleNamespace(first=None), FirstPush(12.0, 90.0))
+    for _ in range(7):
+        window.report()
+    reported = ["recovered 1 s after", "recovered 1 s after", "fell 0.50 s after the push"]
+    assert capsys.readouterr().out.splitlines() == reported
+
+
+@pytest.mark.parametrize(("time", "shown"), [(0.99, False), (1.0, True), (1.79, True), (1.81, False)])
+def test_a_push_is_shown_from_its_start_for_eight_tenths_of_a_second(time, shown):
+    class Arrow:
+        text = "of before"
+
+        def show_at(self, pelvis, impulse, mass):
+            self.text = "shown"
+
+        def hide(self):
+            self.text = ""
+
+    scenario, arrow = Scenario("a", (push_now((3.0, 4.0), 1.0),)), Arrow()
+    lane = SimpleNamespace(scenario=scenario, push_start=1.0, time=time, mass=60.0)
+    app = SimpleNamespace(session=SimpleNamespace(first=lane), given=arrow, _pelvis=np.zeros(3))
+    App._draw_given(app)
+    assert arrow.text == ("shown" if shown else "")

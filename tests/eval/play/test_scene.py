@@ -3,6 +3,7 @@
 import base64
 import re
 import shutil
+from types import SimpleNamespace
 from unittest.mock import MagicMock
 
 import numpy as np
@@ -14,7 +15,7 @@ from push_recovery.controllers.whole_body.kinematics import sole_position
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.cli.main import main
-from push_recovery.eval.play.scene import PushArrow, Replay, overlays_of
+from push_recovery.eval.play.scene import COLOURS, FloorMarks, PushArrow, Replay, overlays_of
 from push_recovery.eval.play.session import Lane, push_now
 from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.policy_source import acting_in
@@ -171,3 +172,33 @@ def test_an_arrow_ends_at_the_pelvis_and_points_where_it_was_pushed():
     arrow = PushArrow(MagicMock(), "x", (1, 2, 3))
     arrow.show_at(np.array([1.0, 2.0, 0.9]), (20.0, 0.0), 60.0)
     np.testing.assert_allclose(arrow._arrow.points, [[[0.6, 2.0, 1.0], [0.8, 2.0, 1.0]]])
+
+
+def test_in_the_air_the_dcm_alone_is_marked_and_a_region_is_a_closed_line():
+    def mark(*_, **__):
+        return SimpleNamespace()
+
+    scene = SimpleNamespace(add_icosphere=mark, add_line_segments=mark, add_mesh_simple=mark)
+    marks = FloorMarks(SimpleNamespace(scene=scene), "/robot")
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    places = dict.fromkeys(("capture region", "box of steps", "planned step"), square)
+    places |= dict.fromkeys(("DCM", "CoP", "CMP"), np.array([0.1, 0.2]))
+    wanted = {**dict.fromkeys(COLOURS, True), "box of steps": False}
+    marks.draw({**places, "support polygon": np.empty((0, 2))}, wanted)
+    seen = {name for name, one in {**marks._points, **marks._regions}.items() if one.visible}
+    assert seen == {"DCM", "capture region"}
+    assert marks._points["DCM"].position == (0.1, 0.2, 0.02)
+    assert marks._foothold.visible
+    line = marks._regions["capture region"].points
+    np.testing.assert_allclose(line[:4, 0, :2], square)
+    np.testing.assert_allclose(line[:4, 1, :2], np.roll(square, -1, axis=0))
+    np.testing.assert_allclose(line[4:], np.repeat(line[3:4], 8, axis=0))
+
+
+def test_places_stay_what_they_were_while_the_robot_walks_on(lane):
+    before = overlays_of(lane.episodes)
+    kept = {name: place.copy() for name, place in before.items()}
+    lane.step()
+    for name, place in kept.items():
+        np.testing.assert_array_equal(before[name], place, err_msg=name)
+    assert (overlays_of(lane.episodes)["DCM"] != kept["DCM"]).any()

@@ -422,3 +422,44 @@ def test_a_walk_that_began_astride_begins_anew_on_the_way_too():
     session.restart()
     assert session.first.scenario.stride == 0.2
     session.close()
+
+
+def test_a_replay_puts_a_second_robot_of_another_kind_back_to_its_own_moment():
+    """Times are sums of 2 ms, so that their differences are rounded."""
+    session = Session(BIPED, "two-stage")
+    go(session, 60)
+    session.put_beside("raibert")
+    for _ in range(6):
+        go(session, 1)
+        session.push([0.0, 0.5])
+        began = [lane.time for lane in session.lanes]
+        go(session, 1)
+        session.replay()
+        assert [lane.time for lane in session.lanes] == began
+        assert session.lanes[1].scenario.pushes[-1].start == began[1]
+    session.close()
+
+
+def test_what_a_kind_given_by_hand_weighs_and_how_fast_it_is():
+    """J = 30 N s on 60 kg: a quarter of that at 2 m/s; a fall of 0.2 m ends at sqrt(2 g 0.2)."""
+    lane = SimpleNamespace(time=1.0, mass=60.0, rows=[{"heading": 0.2}])
+    hand = play.ByHand(np.array([18.0, 24.0]), "trunk", lane)
+    kinds = ("impactor", "waist pull", "steady force", "payload")
+    hit, pull, press, load = (play.KINDS[kind](hand) for kind in kinds)
+    assert (hit.mass, hit.speed, hit.start, hit.body) == (15.0, pytest.approx(2.0), 1.0, "trunk")
+    assert hit.direction == pytest.approx(np.arctan2(24.0, 18.0) - 0.2)
+    assert (pull.fastest, press.force, press.duration, press.rise) == (0.8, pytest.approx(37.5), 1.0, 0.2)
+    assert (load.height, load.mass) == (0.2, pytest.approx(30.0 / np.sqrt(2.0 * 9.81 * 0.2)))
+
+
+def test_a_speed_is_changed_only_as_far_as_it_may_go():
+    clock = SimpleNamespace(speed=1.0)
+    for factor, speed in ((0.5, 0.5), (0.01, 0.02), (200.0, 2.0)):
+        Session.faster(clock, factor)
+        assert clock.speed == speed
+
+
+def test_a_limit_counts_as_being_met_for_thirty_periods():
+    rows = [{"time": 0.01 * i, "limit_cop": float(i == 0), "limit_sole_edge": float(i == 1),
+             "limit_friction": 0.0} for i in range(31)]  # fmt: skip
+    assert play.limits_words(SimpleNamespace(rows=rows)) == ["sole edge"]

@@ -11,11 +11,13 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
+from push_recovery.controllers.model.nominal_gait import NominalGait
 from push_recovery.controllers.policies.two_stage import POLICY_NAMES
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.record import style
 from push_recovery.eval.reproduction import figures as pictures
+from push_recovery.eval.reproduction.jobs import case_numbers
 from push_recovery.eval.reproduction.pendulum import Walk
 
 PUSH_START, STEP = 2.6, 0.65  # [s]
@@ -212,3 +214,37 @@ def test_fonts_are_legible_in_print(figures, tmp_path):
 def test_the_arrow_of_a_push_ends_where_it_acts():
     tail, tip = pictures._push_arrow(walk())
     assert (*tail, *tip) == pytest.approx((1.3, 0.12, 1.3, -0.1))
+
+
+def test_leans_of_a_case_are_those_soon_after_the_push_ever_and_at_the_end():
+    """Roll 0.5 sin t from the push on; x = 0.1 t^2 has the mean speed 0.1 (t1 + t2) between two times."""
+    record = walk()
+    record["com_x"][:] = 0.1 * record["time"] ** 2
+    found = case_numbers(record, NominalGait(0.325, 0.2, STEP, 0.0, 0.0))
+    end = record["time"][-1] - PUSH_START
+    assert found["peak_lean_within_1_s"] == pytest.approx(0.5 * math.sin(1.0), abs=6e-3)
+    assert found["peak_lean"] == pytest.approx(0.5, abs=1e-4)
+    assert found["final_lean"] == pytest.approx(0.5 * abs(math.sin(end)))
+    assert found["final_speed"] == pytest.approx(0.1 * (4.56 + 5.86), abs=5e-3)  # steps 7 and 8
+    assert found["step_error_before"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_seen_from_behind_a_push_to_the_right_comes_from_the_left_while_it_acts():
+    record, tails = walk(), {}
+    with style.print_style():
+        for sample in (129, 130, 134, 135):  # at 2.58, 2.60, 2.68 and 2.70 s
+            axes = style.new_figure(3, 3).subplots()
+            pictures.draw_robot(axes, record, sample, shift=0.0)
+            tails[sample] = [text.xyann for text in axes.texts]
+    assert tails[129] == tails[135] == []
+    for sample in (130, 134):
+        assert tails[sample] == [pytest.approx((0.1 - 0.33, 0.8))]  # the pelvis is at (0.1, 0.8)
+
+
+def test_the_view_holds_the_soles_and_the_dcm_of_those_that_stay_up():
+    """Soles 0.1 m wide at 0 and -0.2 m, a margin of 0.06 m."""
+    falls, stays = walk(survived=False), walk()
+    for record in (falls, stays):
+        record["dcm_y"][:] = -0.4
+    assert pictures.lateral_limits([falls]) == pytest.approx((-0.31, 0.11))
+    assert pictures.lateral_limits([stays]) == pytest.approx((-0.46, 0.11))

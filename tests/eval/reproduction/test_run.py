@@ -174,3 +174,22 @@ def test_the_command_writes_its_report(tmp_path, capsys):
 def test_pushes_come_before_jumps():
     changed = {**CONTENT, "jump_overview": {"two-stage": {"fraction_mean": 0.9, "fraction_worst": 0.8}}}
     assert "| two-stage | 0.980 | 0.970 | 0.900 | 0.800 |" in page(changed, TABLES)
+
+
+LONG = {"pushed_step": {**CASE["pushed_step"], "duration": 0.65}}
+
+
+@pytest.mark.parametrize(
+    ("case", "change", "claim"),
+    [
+        ("two-stage-paper", {"step_error_before": 0.011}, "Before the push all nominal values are realised"),
+        ("stage-1-paper", LONG, "Both cases adapt step time and place after the push"),
+        ("two-stage-paper", LONG, "Both cases adapt step time and place after the push"),
+        ("two-stage-paper", {"final_lean": 0.21}, "(b) It does so with the upper body upright"),
+    ],
+)
+def test_a_claim_about_the_motion_differs_where_its_number_is_off(case, change, claim):
+    changed = copy.deepcopy(CONTENT)
+    changed["scenario_1_cases"][case] = {**CASE, **change}
+    assert verdicts(CONTENT)[claim].startswith(REPRODUCED)
+    assert verdicts(changed)[claim].startswith(DIFFERS)

@@ -261,3 +261,54 @@ def test_overwriting_leaves_no_section_or_picture_of_before(small, tmp_path):
     reproduce("limits", 1, directory=tmp_path, overwrite=True)
     assert set(json.loads((tmp_path / "reproduction.json").read_text())) == {"limits"}
     assert not (tmp_path / "fig3_paths.png").exists()
+
+
+@pytest.mark.parametrize("forces", [(150, 200, 300, 250, 180, 320), (150, 260, 300, 200, 180, 320)])
+def test_inward_is_from_45_to_135_degrees_and_no_ratio_is_to_nothing(forces):
+    def entries(largest):
+        angles = (0.0, 45.0, 90.0, 135.0, 180.0, 270.0)
+        return [{"psi_deg": psi, "max_force_N": force, "limit_N": 400.0}
+                for psi, force in zip(angles, largest, strict=True)]  # fmt: skip
+
+    section = {"stage-1": entries((100, 100, 100, 100, 100, 0)), "x": entries(forces)}
+    found = scenarios.overview(section, "N")["x"]
+    assert found["ratio_to_stage_1_min"] == pytest.approx(1.5)
+    assert found["ratio_to_stage_1_min_inward"] == pytest.approx(2.0)
+    assert (found["fraction_worst"], found["worst_psi_deg"]) == (pytest.approx(0.375), 0.0)
+
+
+def test_measurements_are_told_in_mm_and_ms_and_noise_is_tried_on_three_seeds():
+    noise, delay = studies.measurement_sweeps(Variant("two-stage", "two-stage"))
+    assert [(text, one.dcm_noise) for text, one in noise.cases] == [
+        ("0", 0.0), ("0.5", 0.0005), ("1", 0.001), ("2", 0.002), ("5", 0.005), ("10", 0.01)
+    ]  # fmt: skip
+    assert [(text, one.delay) for text, one in delay.cases] == [
+        ("0", 0), ("10", 1), ("20", 2), ("30", 3), ("50", 5)
+    ]  # fmt: skip
+    assert [studies.scan_job(one, 0.0).seeds for _, one in noise.cases[:2]] == [(0,), (0, 1, 2)]
+    control = next(one for one in studies.sweeps() if one.parameter == "control period [ms]")
+    rates = {text: one.control_hz for text, one in control.cases}
+    assert rates == pytest.approx({"2": 500.0, "5": 200.0, "10": 100.0, "20": 50.0, "50": 20.0})
+
+
+def test_tables_of_scenario_2_hold_each_number_in_its_column():
+    short = {"fraction_mean": 0.9, "fraction_worst": 0.8, "worst_psi_deg": 90.0,
+             "ratio_to_stage_1_min": 1.5, "ratio_to_stage_1_min_inward": 2.5}  # fmt: skip
+    tables = scenarios.tables_2({
+        "scenario_2": {"a": [{"psi_deg": 90.0, "max_force_N": 120.4, "limit_N": 401.6}],
+                       "b": [{"psi_deg": 90.0, "max_force_N": 99.0, "limit_N": 401.6}]},
+        "scenario_2_overview": {"a": short},
+        "jump": {"a": [{"psi_deg": 90.0, "max_impulse_Ns": 12.04, "limit_Ns": 40.16}]},
+        "jump_overview": {"a": short},
+    })  # fmt: skip
+    in_short = [("a", "0.900", "0.800", "90", "1.50", "2.50")]
+    assert [list(table.rows) for table in tables] == [
+        [("90", "402", "120", "99")], in_short, [("90", "40.2", "12.0")], in_short
+    ]  # fmt: skip
+    assert tuple(tables[2].columns) == ("psi [deg]", "limit F* [N s]", "a")
+
+
+def test_the_jerk_form_is_of_both_variants_of_the_paper_that_use_stage_2():
+    names = "two-stage-paper", "stage-1-paper", "two-stage"
+    grids = [scenarios.scan_job(Variant(name, name), 0.0).grids for name in names]
+    assert grids == [(20.0, 5.0, 1.0), (5.0, 1.0), (5.0, 1.0)]

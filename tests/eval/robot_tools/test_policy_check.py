@@ -4,7 +4,7 @@ On stiff legs the biped is an inverted pendulum, m g h = 471 N m/rad, on ankles 
 unless its ankles are asked to push back as its base leans.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +13,15 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.envs.scenario.scenario import Command
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.robot_tools import policy_check
-from push_recovery.eval.robot_tools.policy_check import Control, Controls, find_fault, repairs, robot_of
+from push_recovery.eval.robot_tools.policy_check import (
+    Control,
+    Controls,
+    Diagnosis,
+    Repair,
+    find_fault,
+    repairs,
+    robot_of,
+)
 from push_recovery.eval.rollout.contract import GROUP, NAMES, SCALE, read_contract
 
 onnx = pytest.importorskip("onnx")
@@ -163,3 +171,65 @@ def test_speeds_are_means_in_the_axes_of_the_heading_from_three_seconds_on(monke
     found = Controls("biped").run(None, Command(0.4, turn=0.5), 10.0)
     assert found.velocity == pytest.approx((0.4, 0.0), abs=2e-3)
     assert (found.turn, found.drift) == pytest.approx((0.5, 1.6 * np.sin(1.75)), abs=1e-6)
+
+
+def test_a_repair_outlasts_the_first_look_and_passes_every_control(monkeypatch):
+    monkeypatch.setattr(policy_check, "CONTROLS", {"stand": Command(), "forward": Command(0.5)})
+    names = "falls", "strays", "works", "late"
+    monkeypatch.setattr(policy_check, "repairs", lambda given: [Repair(name, "", name) for name in names])
+    asked = []
+
+    def run(contract, command, seconds):
+        asked.append((contract, command.vx, seconds))
+        off = 0.4 if contract == "strays" and command.vx else 0.0
+        fell = 1.0 if contract == "falls" else None
+        return Control(command, fell, (command.vx - off, 0.0), 0.0, 0.0)
+
+    found = {"stand": Control(Command(), None, (0.0, 0.0), 0.0, 0.0),
+             "forward": Control(Command(0.5), 2.0, (0.0, 0.0), 0.0, 0.0)}  # fmt: skip
+    assert find_fault(None, SimpleNamespace(run=run), found).contract == "works"
+    assert asked == [
+        ("falls", 0.5, 3.0), ("strays", 0.5, 3.0), ("strays", 0.0, 4.0), ("strays", 0.5, 4.0),
+        ("works", 0.5, 3.0), ("works", 0.0, 4.0), ("works", 0.5, 4.0),
+    ]  # fmt: skip
+
+
+def test_one_control_that_is_not_passed_is_the_contracts_or_the_policys_fault():
+    good = Control(Command(), None, (0.0, 0.0), 0.0, 0.0)
+    bad, mend = replace(good, fell_at=1.0), Repair("field", "what", None)
+    cases = (good, None), (bad, mend), (bad, None)
+    found = [Diagnosis({"stand": good, "forward": one}, repair).verdict for one, repair in cases]
+    assert found[:2] == ["works", "contract at fault"]
+    assert found[2].startswith("weak policy")
+
+
+class Fields(dict):
+    """What `repairs` asks of a contract's fields."""
+
+    def set(self, key, value):
+        self[key] = value
+
+
+@dataclass(frozen=True)
+class Given:
+    contract: Fields
+    joints: tuple = ()
+
+    def get(self, key):
+        return self.contract[key]
+
+
+def test_a_clock_is_tried_with_other_periods_and_with_the_other_sign():
+    terms = [{"id": "gait_phase", "scale": [1.0, 1.0], "dim": 2},
+             {"id": "base_ang_vel", "scale": [0.25], "dim": 3}]  # fmt: skip
+    name = f"{GROUP}.terms"
+    tried = list(repairs(Given(Fields({name: terms, SCALE: {}}))))
+    clocks = [one for one in tried if one.field.endswith("period")]
+    periods = [(one.what, one.contract.get(name)[0]["params"]) for one in clocks]
+    wanted = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2)
+    assert periods == [(f"{period:g} s", {"period": period}) for period in wanted]
+    (turned,) = [one for one in tried if one.field.endswith("gait_phase.scale")]
+    assert (turned.what, turned.contract.get(name)[0]["scale"]) == ("with the other sign", [-1.0, -1.0])
+    doubled = next(one for one in tried if one.field.endswith("base_ang_vel.scale"))
+    assert (doubled.what, doubled.contract.get(name)[1]["scale"]) == ("times 2", [0.5, 0.5, 0.5])
+    assert terms[0] == {"id": "gait_phase", "scale": [1.0, 1.0], "dim": 2}

@@ -1,6 +1,7 @@
 """The sample, its variations, and tables of rows written by hand."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -127,3 +128,14 @@ def test_hardware_is_that_of_the_robot():
     errors = {scenario.errors.joint_friction for scenario in suite.scenarios if "/hardware" in scenario.id}
     assert errors == {profile_on(env_id, "hardware").errors.joint_friction}
     assert 0.3 < errors.pop() < 0.5
+
+
+def test_a_variation_is_as_large_as_its_name_says():
+    sizes = {}
+    for name, one in (*varying.NUMERICS, *varying.BODIES):
+        if number := re.search(r"-([\d.]+)(ms|kW)?$", name):
+            size = float(number[1]) * {"ms": 1e-3, "kW": 1e3, None: 1.0}[number[2]]
+            sizes[name] = size, [value for value in one.to_dict().values() if not isinstance(value, str)]
+    assert len(sizes) == 20
+    for name, (size, values) in sizes.items():
+        assert values == pytest.approx([size]), name
