@@ -421,6 +421,9 @@ RECIPES = {  # in the order of `NAMES` in eval/rollout/load_policy.py
     "joint-residual-hardware": JOINT_ON_HARDWARE,
     "residual-g1": replace(RESIDUAL, env_id="PushRecovery/G1-v0", pushes=ON_G1),
     **JOINT_ON_ROBOT,
+    "joint-g1": replace(
+        FROM_NOTHING, env_id="PushRecovery/G1Joint-v0", log_std_end=-2.0885, timesteps=21_400_000
+    ),
 }  # fmt: skip
 
 

@@ -33,7 +33,7 @@ from .contract import PACKAGED, Trusted, contract_name, is_contract, read_contra
 FOLDER = Path(__file__).parent / "policies"
 NAMES = (
     "residual", "residual-hardware", "scratch", "joint", "joint-residual", "joint-residual-hardware",
-    "residual-g1", "joint-residual-g1", "joint-residual-t1", "joint-residual-jvrc1",
+    "residual-g1", "joint-residual-g1", "joint-residual-t1", "joint-residual-jvrc1", "joint-g1",
 )  # fmt: skip
 
 
