@@ -1,4 +1,4 @@
-"""What a residual changes of a walk without pushes: python benchmarks/unpushed_walk.py POLICY [SECONDS].
+"""What a residual changes of a walk without pushes: python benchmarks/unpushed_walk.py POLICY [SECONDS [ENV]].
 
 For five commands under both profiles: mean velocity, step time, largest lean of the trunk and rms torque, of
 two-stage and of the policy, and whether every recorded number is the same bit for bit.
@@ -11,6 +11,7 @@ import sys
 import numpy as np
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.record.record import EpisodeRecord, record
+from push_recovery.eval.rollout import DEFAULT_ENV
 
 COMMANDS = ((0.0, 0.0), (0.4, 0.0), (-0.2, 0.0), (0.0, 0.15), (0.3, 0.1))
 BEGUN = 100  # samples, after which velocities are taken
@@ -30,11 +31,12 @@ def figures(episode: EpisodeRecord) -> tuple[float, ...]:
 def main() -> None:
     """Print a row for each walk."""
     policy, seconds = sys.argv[1], float(sys.argv[2]) if len(sys.argv) > 2 else 60.0
+    env = sys.argv[3] if len(sys.argv) > 3 else DEFAULT_ENV
     print("profile, command: vx, vy, step time, lean, torque of two-stage/policy")
     for profile in ("exact", "hardware"):
         for vx, vy in COMMANDS:
             scenario = Scenario("unpushed", duration=seconds, command=Command(vx=vx, vy=vy))
-            base, mine = (record(name, scenario, profile=profile) for name in ("two-stage", policy))
+            base, mine = (record(name, scenario, env, profile=profile) for name in ("two-stage", policy))
             same = all(np.array_equal(base[name], mine[name], equal_nan=True) for name in base.columns)
             pairs = (f"{a:.4f}/{b:.4f}" for a, b in zip(figures(base), figures(mine), strict=True))
             print(f"{profile} {vx:+.2f} {vy:+.2f}:", *pairs, "equal" if same else "different", flush=True)
