@@ -1,4 +1,4 @@
-"""What a residual changes of a walk without pushes: python benchmarks/unpushed_walk.py POLICY [SECONDS [ENV]].
+"""What a policy changes of an unpushed walk: python benchmarks/unpushed_walk.py POLICY [SECONDS [ENV]].
 
 For five commands under both profiles: mean velocity, step time, largest lean of the trunk and rms torque, of
 two-stage and of the policy, and whether every recorded number is the same bit for bit.
