@@ -58,7 +58,7 @@ class PlainPolicy:
         self._reset = reset if callable(reset) else None
         self._seeded = self._reset is not None and bool(_taken(self._reset, ("seed",)))
         if callable(begin := getattr(policy, "begin_scenario", None)):
-            self.begin_scenario: Callable[[Any], None] = begin
+            self.begin_scenario: Callable[[Any], object] = begin
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True

@@ -205,10 +205,8 @@ class JointEpisodes(OnJointsEpisodes):
         core = self.core
         end_period(self._table, self._constants, gaits, self._ends)
         truth, command = core.truth.copy(), core.command  # that of the truth is a planner's, turned ahead
-        truth[:, _COMMAND], truth[:, _COMMAND + 1] = (
-            command[:, 0],
-            side_sign(core.gait.stance) * command[:, 1],
-        )
+        truth[:, _COMMAND] = command[:, 0]
+        truth[:, _COMMAND + 1] = side_sign(core.gait.stance) * command[:, 1]
         write_rewards(
             self._episodes.terms, truth, gaits, core.joints.effort, core.joints.held,
             self._rewards.before, core.settings.apex, self._ends[0], self._rewards.terms, self._rewards.total,
