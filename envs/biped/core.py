@@ -248,6 +248,13 @@ class BipedCore:
         """The arrays that hold where robot k truly is."""
         return self.senses.kinds[self.senses.of(k)].sensing.judged
 
+    def true_values(self, name: str) -> Array:
+        """A field of `Physics` as it truly is of every robot, (n, ...)."""
+        exact, judged = getattr(self.physics, name), getattr(self.judged, name)
+        if judged is exact:
+            return exact
+        return np.where(self.senses.onboard.reshape(-1, *(1,) * (exact.ndim - 1)), judged, exact)
+
     def arena_of(self, k: int) -> Arena:
         """All arrays of the core, as they hold robot k."""
         return self._arenas[self.senses.of(k)][0]

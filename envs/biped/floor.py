@@ -156,13 +156,10 @@ class KnownFloor:
         cos, sin = math.cos(yaw), math.sin(yaw)
         length, width = (half + beyond for half in self.half_sole)
         corners = [(a * length, b * width) for a in (1.0, -1.0) for b in (1.0, -1.0)]
+        shaped = [part for part in self.parts if part.shapes]
         heights = [
             max(
-                (
-                    part.height(x + cos * a - sin * b, y + sin * a + cos * b, self.pattern)
-                    for part in self.parts
-                    if part.shapes
-                ),
+                (part.height(x + cos * a - sin * b, y + sin * a + cos * b, self.pattern) for part in shaped),
                 default=0.0,
             )
             for a, b in corners

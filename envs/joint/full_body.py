@@ -431,9 +431,8 @@ class FullBodyEpisodes(JointEpisodes):
 
     def _end_period(self, gaits: Array) -> Period:
         period, state, core = super()._end_period(gaits), self.monitor.state, self.core
-        onboard, bodies = core.senses.onboard[:, None], [PELVIS, TRUNK]
-        upright = np.where(onboard, core.judged.xmat[:, bodies, 8], core.physics.xmat[:, bodies, 8])
-        lean = np.arccos(np.clip(upright.min(axis=1), -1.0, 1.0))
+        upright = core.true_values("xmat")[:, [PELVIS, TRUNK], 8].min(axis=1)
+        lean = np.arccos(np.clip(upright, -1.0, 1.0))
         gait = core.gait
         moment = Moment(core.com, gait.heading, gait.time, self._episodes.event, core.command, lean)
         state.speed_error[:] = self._steady.look(moment)

@@ -259,10 +259,9 @@ class Stairs(Terrain):
     def scaled(self, scale: Similarity) -> Stairs:
         """Steps in the same proportion to a robot of another size, as far as their bounds allow it."""
         sized = resized(self, self.quantities, scale)
-        bounds = {name: self.quantities[name] for name in sized}
-        return replace(
-            self, **{name: min(max(x, bounds[name].low), bounds[name].high) for name, x in sized.items()}
-        )
+        for name, value in sized.items():
+            sized[name] = min(max(value, self.quantities[name].low), self.quantities[name].high)
+        return replace(self, **sized)
 
 
 @register_terrain

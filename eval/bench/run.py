@@ -85,10 +85,10 @@ def bench(env_id: str, seconds: float) -> dict[str, Any]:
         with progress_bars(["bench"], 1, work, moving=False) as bars:  # which would take time of their own
             content = _measured(env, env_id, seconds)
             bars.set("bench", 1)
+        if quick:
+            return content
         named = environments.EnvName.parse(env_id)
-        options = {"preset": named.preset, "robot": named.robot}
-        own = {option: value for option, value in options.items() if value}
-        return content if quick else {**content, "start_s": start_time(named.full_id, **own)}
+        return {**content, "start_s": start_time(named.full_id, **named.options)}
     finally:
         env.close()
 

@@ -85,6 +85,12 @@ class EnvName:
         return f"{self.module}:{self.id}" if self.module else self.id
 
     @property
+    def options(self) -> dict[str, str]:
+        """Arguments of gym.make that give the environment a preset and a robot of its own."""
+        named = {"preset": self.preset, "robot": self.robot}
+        return {option: value for option, value in named.items() if value}
+
+    @property
     def label(self) -> str:
         """The environment's own part, for the name of a directory."""
         return Path(self.robot).name.removesuffix(ROBOT_FILE) or self.id.rpartition("/")[2]
@@ -98,10 +104,7 @@ def make_env(env_id: str, **kwargs: Any) -> gym.Env:
         InvalidValueError: the environment cannot be made, or has not the interface that scoring needs.
     """
     name = EnvName.parse(env_id)
-    if name.preset:
-        kwargs = {"preset": name.preset, **kwargs}
-    if name.robot:
-        kwargs = {"robot": name.robot, **kwargs}
+    kwargs = {**name.options, **kwargs}
     if name.runs_code:
         import_from_here(name.module)
     try:

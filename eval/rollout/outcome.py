@@ -233,10 +233,7 @@ class EffortMeter:
 
     def _rates(self) -> Array:
         """True rates of the joints that control moves, (n, 14) [rad/s]; held ones come after them."""
-        exact, senses = self.core.physics.qvel, self.core.senses
-        if senses.last.judged is not self.core.physics:
-            exact = np.where(senses.onboard[:, None], senses.last.judged.qvel, exact)
-        return exact[:, NV - NU : NV]
+        return self.core.true_values("qvel")[:, NV - NU : NV]
 
     def first_push(self, k: int) -> float:
         """When the first push or kick of robot k began, since reset [s]; inf where none has."""

@@ -221,14 +221,25 @@ def edge_room(core, leg, wrench):
     return min(0.1 - abs(ahead), 0.05 - abs(aside)) * wrench[2]
 
 
+def bounded(random_state, robot_in, stance, count):
+    """Bounds, and an iterator over loaded robots with a task that asks for much of both soles."""
+    rng = np.random.default_rng(40 + stance)
+    bounds, memory = make_bounds(FULL, MOTORS, two_feet=True)
+
+    def tasks():
+        for _ in range(count):
+            core, data = robot_in(*random_state(rng, 0.1), stance)
+            core.physics.load[0] = 300.0
+            yield core, data, random_task(rng, core, stance, 2.0)
+
+    return bounds, memory, tasks()
+
+
 @pytest.mark.parametrize("stance", [0, 1])
 def test_the_deviation_is_the_least_one_that_keeps_the_bounds_of_both_soles(random_state, robot_in, stance):
-    rng, bound = np.random.default_rng(40 + stance), 0
-    bounds, _memory = make_bounds(FULL, MOTORS, two_feet=True)
-    for _ in range(60):
-        core, data = robot_in(*random_state(rng, 0.1), stance)
-        core.physics.load[0] = 300.0
-        task = random_task(rng, core, stance, 2.0)
+    bounds, _memory, tasks = bounded(random_state, robot_in, stance, 60)
+    bound = 0
+    for core, data, task in tasks:
         bounds.solution[:] = np.nan
         wrench, other, torque, met = torques(core, task, bounds)
         if min(edge_room(core, stance, wrench), edge_room(core, 1 - stance, other)) < 1e-3:
@@ -293,12 +304,9 @@ def test_a_foot_may_bear_nothing_and_never_pulls(load, bears):
 
 @pytest.mark.parametrize("stance", [0, 1])
 def test_no_bound_gives_a_leaving_foot_more_than_its_share(random_state, robot_in, stance):
-    rng, solved = np.random.default_rng(40 + stance), 0
-    bounds, _memory = make_bounds(FULL, MOTORS, two_feet=True)
-    for _ in range(20):
-        core, _ = robot_in(*random_state(rng, 0.1), stance)
-        core.physics.load[0] = 300.0
-        task = random_task(rng, core, stance, 2.0)
+    bounds, _memory, tasks = bounded(random_state, robot_in, stance, 20)
+    solved = 0
+    for core, _, task in tasks:
         wrench, other, _, _ = torques(core, task, LOOSE, 0.2)
         load = wrench[2] + other[2]
         assert other[2] <= 0.2 * load + 1e-9

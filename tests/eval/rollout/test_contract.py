@@ -479,16 +479,26 @@ def test_torchscript_asks_for_trust_and_then_scores_as_onnx_does(mjlab, suite, t
         evaluate(suite, BIPED, {"script": Trusted(str(written))}, directory=tmp_path / "broken")
 
 
+def at_rest(contract):
+    """An environment of a contract, and the state that it begins with."""
+    env = FullBodyEnv(contract.servos(["waist_pitch", "waist_roll", *JOINTS]), control_hz=50.0)
+    row, _ = env.reset(options={"scenario": Scenario("s", duration=1.0)})
+    return env, row
+
+
+def targets_off_pose(contract):
+    """First targets of JOINTS less the pose [rad]."""
+    env, row = at_rest(contract)
+    action, _ = Contender(contract, env.episodes).predict(row)
+    env.close()
+    return action[[env.episodes.joints.index(name) for name in JOINTS]] * 2.0 * math.pi
+
+
 def test_targets_are_clipped_where_the_contract_says_so(mjlab):
     """A network of zeros asks for its pose: within 0.1 rad of zero, that is off the pose by the rest."""
     field = "control.actions.joint_pos."
     contract = read_contract(mjlab(), {field + "clip": [-0.1, 0.1], field + "clip_stage": "processed"})
-    env = FullBodyEnv(contract.servos(["waist_pitch", "waist_roll", *JOINTS]), control_hz=50.0)
-    row, _ = env.reset(options={"scenario": Scenario("s", duration=1.0)})
-    action, _ = Contender(contract, env.episodes).predict(row)
-    off = action[[env.episodes.joints.index(name) for name in JOINTS]] * 2.0 * math.pi
-    assert off == pytest.approx([0.0, 0.0, 0.1, -0.3, 0.1, 0.0] * 2, abs=1e-6)
-    env.close()
+    assert targets_off_pose(contract) == pytest.approx([0.0, 0.0, 0.1, -0.3, 0.1, 0.0] * 2, abs=1e-6)
 
 
 def test_torques_that_a_contract_limits_bound_those_joints_alone(mjlab):
@@ -509,19 +519,13 @@ def test_a_target_is_the_contracts_offset_and_not_its_pose(mjlab):
     """A network of zeros asks for 0.3 rad everywhere: 0.3 less the pose."""
     offset = {"control.actions.joint_pos.offset": dict.fromkeys(JOINTS, 0.3)}
     contract = read_contract(mjlab(), offset)
-    env = FullBodyEnv(contract.servos(["waist_pitch", "waist_roll", *JOINTS]), control_hz=50.0)
-    row, _ = env.reset(options={"scenario": Scenario("s", duration=1.0)})
-    action, _ = Contender(contract, env.episodes).predict(row)
-    off = action[[env.episodes.joints.index(name) for name in JOINTS]] * 2.0 * math.pi
-    assert off == pytest.approx([0.3, 0.3, 0.5, -0.1, 0.5, 0.3] * 2, abs=1e-6)
-    env.close()
+    assert targets_off_pose(contract) == pytest.approx([0.3, 0.3, 0.5, -0.1, 0.5, 0.3] * 2, abs=1e-6)
 
 
 def test_a_joint_that_the_robot_may_lack_counts_as_in_its_default_pose(mjlab):
     names = ["tail" if name == "left_knee" else name for name in JOINTS]  # of 0.4 rad
     contract = read_contract(mjlab(joint_names=",".join(names)), {"control.absent": ["tail"]})
-    env = FullBodyEnv(contract.servos(["waist_pitch", "waist_roll", *JOINTS]), control_hz=50.0)
-    row, _ = env.reset(options={"scenario": Scenario("s", duration=1.0)})
+    env, row = at_rest(contract)
     policy, seen = Contender(contract, env.episodes), []
     observe = policy.observe
     policy.observe = lambda *given: seen.append(observe(*given)) or seen[-1]

@@ -1,6 +1,7 @@
 """Scores of rows written by hand, and measures of an episode: by hand, and from its time histories."""
 
 import math
+from functools import partial
 from types import SimpleNamespace
 
 import gymnasium as gym
@@ -10,6 +11,7 @@ from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.observation import DCM, STANCE_CONTACT, SWING_CONTACT, SWING_POSITION
 from push_recovery.controllers.model.robot import REFERENCE
 from push_recovery.controllers.whole_body.kinematics import NU, NV
+from push_recovery.envs.biped.core import BipedCore
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.limits_record import LimitsReport
 from push_recovery.envs.robots.variants import ARMS_HELD
@@ -101,11 +103,13 @@ class Episodes(SimpleNamespace):
         core = SimpleNamespace(
             physics=physics,
             senses=senses,
+            judged=judged,
             margin=np.zeros(2),
             truth=np.zeros((2, 36)),
             command=np.zeros((2, 4)),
             pushes=empty_pushes(2, 2),
         )  # fmt: skip
+        core.true_values = partial(BipedCore.true_values, core)
         errors = {"error": np.array([[0.01, 9, 9], [0.02, 9, 9]]), "speed_error": np.array([0.1, 0.2])}
         monitor = SimpleNamespace(state=SimpleNamespace(touchdowns=np.array([3, 2]), **errors))
         motion = SimpleNamespace(steps=np.array([7, 1]), heading=np.zeros(2), time=np.array([3.0, 3.0]))
