@@ -71,18 +71,22 @@ def mirrored_tests(file: str) -> tuple[str, ...]:
 
 
 def read_mutants(path: Path) -> list[Mutant]:
-    """The list, each with its tests; ends the run where a fault does not find its place exactly once."""
+    """The list, each with its tests; ends the run where a fault or a test does not find its place."""
     mutants, lost = [], []
     for entry in tomllib.loads(path.read_text(encoding="utf-8"))["file"]:
         file = entry["path"]
         text = (ROOT / file).read_text(encoding="utf-8") if (ROOT / file).is_file() else ""
-        tests = (*entry.get("first", ()), *mirrored_tests(file))
+        first = entry.get("first", ())
+        lost += [f"{file}: there is no {test}" for test in first if not (ROOT / test.split("::")[0]).exists()]
+        tests = (*first, *mirrored_tests(file))
         for old, new, *judged in entry["mutants"]:
             if text.count(old) != 1 or old == new:
                 lost.append(f"{file}: found {text.count(old)} times: {old!r}")
             mutants.append(Mutant(file, old, new, tests, "".join(judged)))
     if lost:
-        raise SystemExit("every fault must find its place exactly once:\n" + "\n".join(lost))
+        raise SystemExit(
+            "every fault must find its place exactly once, and every test its file:\n" + "\n".join(lost)
+        )
     if len({mutant.key for mutant in mutants}) != len(mutants):
         raise SystemExit("a fault stands twice in the list")
     return mutants

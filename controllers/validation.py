@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import numbers
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, TypeVar
 
@@ -18,6 +18,7 @@ import numpy as np
 from .errors import InvalidValueError, UnknownNameError, is_finite_number, is_integer, shown
 
 K = TypeVar("K")
+TEXT = str, bytes, bytearray  # sequences that are no lists
 
 
 def require_choice(kind: str, value: object, valid: Sequence[str]) -> None:
@@ -61,9 +62,19 @@ def require_kind(name: str, value: object, kind: type[K]) -> K:
     return value
 
 
+def require_all(name: str, values: object, kind: type[K]) -> tuple[K, ...]:
+    """The values as a tuple, objects of a class; raises InvalidValueError naming what is none."""
+    if isinstance(values, TEXT) or not isinstance(values, Iterable):
+        raise InvalidValueError(f"{name} must be a sequence of {kind.__name__}, got {shown(values)}")
+    checked = tuple(values)
+    if bad := [value for value in checked if not isinstance(value, kind)]:
+        raise InvalidValueError(f"{name} must hold {kind.__name__} objects, got {shown(bad[0])}")
+    return checked
+
+
 def require_vector(name: str, value: object, largest: float = math.inf) -> tuple[float, float, float]:
     """Three finite floats, each within +-`largest`, as a tuple."""
-    if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray) or len(value) != 3:
+    if isinstance(value, TEXT) or not isinstance(value, Sequence | np.ndarray) or len(value) != 3:
         raise InvalidValueError(f"{name} must have 3 entries (x, y, z), got {shown(value)}")
     x, y, z = (require_number(f"{name}[{i}]", entry, -largest, largest) for i, entry in enumerate(value))
     return (x, y, z)
@@ -71,7 +82,7 @@ def require_vector(name: str, value: object, largest: float = math.inf) -> tuple
 
 def require_pair(name: str, value: object, largest: float = math.inf) -> tuple[float, float]:
     """Two finite floats, each within +-`largest`, as a tuple; no -0.0."""
-    if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray) or len(value) != 2:
+    if isinstance(value, TEXT) or not isinstance(value, Sequence | np.ndarray) or len(value) != 2:
         raise InvalidValueError(f"{name} must have 2 entries, got {shown(value)}")
     first, second = (require_number(f"{name}[{i}]", one, -largest, largest) for i, one in enumerate(value))
     return first + 0.0, second + 0.0
@@ -92,15 +103,26 @@ def parse_json(what: str, text: str | bytes) -> Any:
     """The content of a JSON text that a user has handed in; `what` names it in the error.
 
     Raises:
-        InvalidValueError: no JSON, no UTF-8, an integer of more digits than Python reads, or lists
-            and objects nested deeper than Python's stack.
+        InvalidValueError: no JSON, no UTF-8, a key that an object has twice, an integer of more digits than
+            Python reads, or lists and objects nested deeper than Python's stack.
     """
     try:
-        return json.loads(text.decode("utf-8") if isinstance(text, bytes) else text)
+        text = text.decode("utf-8") if isinstance(text, bytes) else text
+        return json.loads(text, object_pairs_hook=_without_repeats)
     except RecursionError:
         raise InvalidValueError(f"{what} is not valid JSON: lists or objects are nested too deep") from None
     except (TypeError, ValueError) as error:
         raise InvalidValueError(f"{what} is not valid JSON: {error}") from error
+
+
+def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The object of these keys and values; raises ValueError for a key that comes twice."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ValueError(f"the key {shown(twice)} stands in an object more than once")
+    return found
 
 
 def changed_fields(value: Any) -> dict[str, Any]:

@@ -37,7 +37,7 @@ from .scenario.noise import normal_pair
 from .scenario.scenario import EXACT_SENSING, SENSING
 from .simulation import Handles, Simulations
 
-_DEGREE, _G = math.pi / 180.0, 9.81
+_DEGREE = math.pi / 180.0
 BANDWIDTH = 250.0  # of white noise in samples 2 ms apart [Hz]
 
 
@@ -49,11 +49,11 @@ class SensorSettings(NamedTuple):
     rate_walk: float = 2e-5  # of that bias [rad/s / sqrt(s)]
     rate_scale: float = 0.001  # error over the rate
     rate_range: float = 2000.0 * _DEGREE  # largest rate measured [rad/s]
-    force_noise: float = 120e-6 * _G * math.sqrt(BANDWIDTH)  # of the accelerometer [m/s^2]
-    force_bias: float = 3e-3 * _G  # left after calibration [m/s^2]
+    force_noise: float = 120e-6 * GRAVITY * math.sqrt(BANDWIDTH)  # of the accelerometer [m/s^2]
+    force_bias: float = 3e-3 * GRAVITY  # left after calibration [m/s^2]
     force_walk: float = 1e-4  # of that bias [m/s^2 / sqrt(s)]
     force_scale: float = 0.005  # error over the specific force
-    force_range: float = 16.0 * _G  # largest specific force measured [m/s^2]
+    force_range: float = 16.0 * GRAVITY  # largest specific force measured [m/s^2]
     angle_resolution: float = 2.0 * math.pi / 2**17  # step of an encoder at the joint [rad]
     angle_noise: float = 2e-5  # [rad]
     angle_offset: float = 5e-4  # of its zero [rad]

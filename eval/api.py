@@ -6,6 +6,8 @@ from typing import Any
 
 import gymnasium as gym
 
+from ..controllers.errors import InvalidValueError, shown
+from ..controllers.validation import require_integer, require_kind
 from ..envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..envs.scenario.push import Body
 from ..envs.scenario.scenario import Command, Scenario
@@ -42,7 +44,7 @@ def evaluate(
         suite: a suite, its name, or its file; by default `quick`, and `quick-1` on the pendulum.
         env: id of a gait environment.
         errors: what robot and floor are off from the planner's model, in every scenario.
-        profile: of the robot, "exact", "hardware" or "weighed"; `errors` stand where both say something.
+        profile: of the robot, a name of `PROFILES`; `errors` stand where both say something.
         workers: processes, which change no result. More than one start this script anew, so that it needs
             `if __name__ == "__main__"`, and need policies that pickle; `ray_workers` gives those of a
             cluster.
@@ -56,7 +58,7 @@ def evaluate(
     Raises:
         PushRecoveryError: unknown names, a directory of another configuration, a policy that can't act.
     """
-    chosen, directory = _suite(suite, env, errors, profile), None if out is None else Path(out)
+    chosen, directory = _suite(suite, env, errors, profile), _directory(out, workers)
     evaluation = scoring.evaluate(chosen, env, policies, workers, directory, overwrite)
     write_evaluation_reports(evaluation, with_ceiling(evaluation, workers, overwrite))
     return evaluation
@@ -81,14 +83,23 @@ def compare(
     Raises:
         PushRecoveryError: as `evaluate`.
     """
-    chosen, directory = _suite(suite, env, errors, profile), None if out is None else Path(out)
+    chosen, directory = _suite(suite, env, errors, profile), _directory(out, workers)
     return scoring.compare(a, b, chosen, env, workers, directory, overwrite)
 
 
 def _suite(suite: Suite | str | PathLike[str] | None, env: str, errors: ModelErrors, profile: str) -> Suite:
+    require_kind("errors", errors, ModelErrors)
     if isinstance(suite, Suite):
         return on_robots(suite, errors, profile, env)
     return pushes_on(env, None if suite is None else str(suite), errors, profile)
+
+
+def _directory(out: str | PathLike[str] | None, workers: int) -> Path | None:
+    """The directory of a run; raises InvalidValueError for what is none, or no number of workers."""
+    require_integer("workers", workers, 1)
+    if not isinstance(out, str | PathLike | None):
+        raise InvalidValueError(f"out must be a path, got {shown(out)}")
+    return None if out is None else Path(out)
 
 
 def frontier(
@@ -124,7 +135,7 @@ def frontier(
         body: that is pushed.
         command: velocity that is walked at, or to stand.
         errors: what robot and floor are off from the planner's model.
-        profile: of the robot, "exact", "hardware" or "weighed"; `errors` stand where both say something.
+        profile: of the robot, a name of `PROFILES`; `errors` stand where both say something.
         replicas: how many, which differ in phase of the step, start and noise; 1: the nominal trajectory.
         replica_seed: that they are drawn from.
         workers: processes, see `evaluate`.
@@ -134,11 +145,11 @@ def frontier(
     Raises:
         PushRecoveryError: unknown names, a directory of another configuration, a policy that can't act.
     """
+    directory = _directory(out, workers)
     step = scanning.default_grid(env, replicas) if grid is None else grid
     settings = scanning.FrontierSettings(
         env, step, duration, body, command, errors, profile, replicas, replica_seed
     )
-    directory = None if out is None else Path(out)
     return scanning.frontier(settings, policies, directions, workers, directory, overwrite)
 
 
@@ -158,12 +169,13 @@ def rollout(
         env: a gait environment, or its id. Three arguments in the order of old, environment, policy and
             scenario, are understood, too.
         policy_name: of the outcome; by default the name, or the object's class.
-        profile: of the robot, "exact", "hardware" or "weighed"; what the scenario says itself stands.
+        profile: of the robot, a name of `PROFILES`; what the scenario says itself stands.
 
     Raises:
         PushRecoveryError: unknown names, a policy that can't act.
     """
     if isinstance(env, Scenario):  # the order of old
         policy, scenario, env = scenario, env, policy
+    require_kind("scenario", scenario, Scenario)
     with policy_source.acting_in(env, policy, policy_name) as (made, acting, label):
         return run_episode(made, acting, environments.under_profile(made, scenario, profile), label)

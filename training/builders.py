@@ -71,7 +71,7 @@ def find_residual(env: gym.Env) -> ResidualAction | None:
     return next((layer for layer in layers_of(env) if isinstance(layer, ResidualAction)), None)
 
 
-def own_episodes(settings: TrainingSettings, env: gym.Env, n: int) -> GaitEpisodes | None:
+def own_episodes(env: gym.Env, n: int) -> GaitEpisodes | None:
     """Episodes of n robots like that of a training environment; None where it is not this project's."""
     rule = action_rule(env)
     threads = min(default_workers(), -(-n // ROBOTS_A_THREAD))
@@ -85,7 +85,7 @@ def completed(settings: TrainingSettings, env: gym.Env) -> TrainingSettings:
         InvalidValueError: the environment does not allow what they say.
     """
     settings = replace(settings, hold=settings.periods)
-    episodes = own_episodes(settings, env, 1)
+    episodes = own_episodes(env, 1)
     walks = episodes is not None and episodes.walks
     default = settings.left_open(episodes is not None, walks)
     can = {
@@ -118,7 +118,7 @@ def make_robots(settings: TrainingSettings, env: gym.Env, seed: int) -> VecEnv:
     Where `env`, one of them, is this project's, they are robots on one core, whose physics all processor
     cores share; what comes out does not depend on how many. Others are called one by one.
     """
-    episodes = own_episodes(settings, env, settings.n_envs)
+    episodes = own_episodes(env, settings.n_envs)
     if episodes is None:
         return DummyVecEnv([lambda: make_env(settings)] * settings.n_envs)
     rule = None

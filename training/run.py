@@ -298,7 +298,7 @@ class Run:
             if settings.timesteps > self.start:
                 callbacks = [
                     Progress(self._report, self.judged),
-                    Every(settings.evaluate_every, self.evaluate, self.curve[-1].timesteps),
+                    Every(settings.evaluate_every, self._judge, self.curve[-1].timesteps),
                     Every(settings.checkpoint_every, self.checkpoint, self.start),
                 ]
                 self.algorithm.learn(settings.timesteps - self.start, callbacks)
@@ -344,6 +344,11 @@ class Run:
         if self.timesteps > 0 and hasattr(self.algorithm.model, "_logger"):
             for name in ("recovered", "survived", "mean_reward"):
                 self.algorithm.model.logger.record(f"eval/{name}", getattr(point, name))
+
+    def _judge(self) -> None:
+        """Add a point to the curve, from which a run that is killed then can go on with the best so far."""
+        self.checkpoint()
+        self.evaluate()
 
     def judged(self) -> str:
         """The first point of the curve, which of corrections is the planner's, and the newest, in words."""

@@ -10,18 +10,19 @@ import re
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import gymnasium as gym
 import numpy as np
 from tyro.conf import AvoidSubcommands, Positional, Suppress, arg
 
-from ..controllers.errors import InvalidValueError, UnknownNameError
+from ..controllers.errors import InvalidValueError, UnknownNameError, is_finite_number, is_integer, shown
 from ..controllers.files import is_file
-from ..controllers.policies.learned import policy_paths
+from ..controllers.policies.learned import LONGEST_HOLD, policy_paths
 from ..controllers.policies.mlp import BASE, GATE, MARGIN, OBSERVATION, check_inputs
 from ..controllers.policies.residual import DEFAULT_GATE, check_gate, check_residual_scale
-from ..controllers.validation import require_choice, require_integer
+from ..controllers.validation import require_choice, require_integer, require_number
 from ..envs.scenario.distribution import ErrorRanges, PushDistribution
 from ..envs.scenario.model_errors import EXACT_MODEL
 from ..envs.scenario.scenario import FASTEST_TURN, get_profiles
@@ -33,6 +34,15 @@ from .reward import REWARDS
 STARTS = ("push", "reset")
 # Subclasses of `training.algorithm.Algorithm`, or MODULE:CLASS of one, which is imported where it is used
 ALGORITHMS: dict[str, Any] = {"ppo": ".ppo:PPOAlgorithm"}
+# Least and most of what is counted: beyond it a run would never end, or find no memory
+COUNTS = {
+    "timesteps": (0, 10**15), "value_first": (0, 10**15), "seed": (0, 2**31 - 1), "retries": (0, 10**6),
+    "n_envs": (1, 100_000), "n_steps": (1, 100_000), "batch_size": (1, 10**7), "n_epochs": (1, 10**6),
+    "checkpoint_every": (1, 10**15), "evaluate_every": (1, 10**15), "evaluation_scenarios": (1, 100_000),
+    "walks": (1, 10**6), "threads": (1, 1024), "hold": (1, LONGEST_HOLD),
+}  # fmt: skip
+WIDEST = 65_536  # of a hidden layer
+LOG_STD_MAX = 20.0  # of a logarithm of the standard deviation, both ways
 # What the id of a kind's environment has after the robot's name. A residual run wraps the gait environment
 # itself, so that the policy also scores on the plain one.
 FORM_OF_KIND = {"residual": "", "scratch": "", "joint": "Joint", "joint-residual": "JointResidual"}
@@ -56,6 +66,31 @@ LATER: dict[str, Any] = {
 # of runs before these settings
 Report = Callable[[int, str], None]  # timesteps so far, and how it goes, in words
 Widths = Annotated[tuple[int, ...], arg(metavar="N [N ...]")]
+# Kinds of settings in words
+WORDS: dict[Any, str] = {int: "an integer", float: "a finite number", str: "a name", bool: "True or False",
+                         NoneType: "None", PushDistribution: "a PushDistribution"}  # fmt: skip
+
+
+def _is_of(value: Any, hint: Any) -> bool:
+    """Whether a value is of the kind of an annotation; any name is of a `Literal`."""
+    origin, parts = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return any(_is_of(value, part) for part in parts)
+    if origin is tuple:
+        if not isinstance(value, tuple | list):
+            return False
+        kinds = parts[:1] * len(value) if parts[-1] is Ellipsis else parts
+        return len(kinds) == len(value) and all(map(_is_of, value, kinds))
+    check = {int: is_integer, float: is_finite_number}.get(hint)
+    return isinstance(value, str if origin is Literal else hint) if check is None else check(value)
+
+
+def _words(hint: Any) -> str:
+    """The kind of an annotation in words, such as "[a finite number, a finite number] or None"."""
+    parts = ["..." if part is Ellipsis else _words(part) for part in get_args(hint)]
+    if get_origin(hint) is tuple:
+        return f"[{', '.join(parts)}]"
+    return " or ".join(parts) if parts else WORDS.get(hint, str(hint))
 
 
 def env_of_kind(kind: str, env_id: str) -> str:
@@ -111,7 +146,7 @@ class TrainingSettings:
     the environment's own reward; steps: that, and each touchdown by what recovery is judged by; None:
     recovery where robots share one core, but environment for joint"""
     profile: Annotated[tuple[str, ...], arg(metavar="NAME [NAME ...]")] = ("exact",)
-    """profiles of the robots, exact, hardware or weighed; of several each robot draws one"""
+    """profiles of the robots, exact, collisions, hardware or weighed; of several each robot draws one"""
     errors: Annotated[tuple[tuple[str, float, float], ...], arg(metavar="[NAME LOW HIGH ...]")] = ()
     """ranges of `ErrorRanges` that each robot's model is drawn from, such as friction 0.4 1.0: domain
     randomisation"""
@@ -166,14 +201,19 @@ class TrainingSettings:
 
     def __post_init__(self) -> None:
         require_choice("kind of training", self.kind, tuple(FORM_OF_KIND))
-        for name in ("timesteps", "value_first", "retries"):
-            require_integer(f"training setting {name}", getattr(self, name))
-        counts = ("n_envs", "n_steps", "batch_size", "n_epochs", "checkpoint_every", "evaluate_every",
-                  "evaluation_scenarios", "walks", "threads")  # fmt: skip
-        for name in counts if self.hold is None else (*counts, "hold"):
-            require_integer(f"training setting {name}", getattr(self, name), 1)
-        require_integer("training setting seed", self.seed, 0, 2**31 - 1)
-        self._check("n_steps x n_envs", self.n_steps * self.n_envs > 1, "more than 1")
+        for entry in fields(self):
+            if isinstance(value := getattr(self, entry.name), list):
+                self._set(entry.name, tuple(value))
+        if isinstance(self.profile, str):
+            self._set("profile", (self.profile,))
+        if isinstance(self.pushes, dict):
+            self._set("pushes", PushDistribution.from_dict(self.pushes))
+        for name, (least, most) in COUNTS.items():
+            if name != "hold" or self.hold is not None:
+                require_integer(f"training setting {name}", getattr(self, name), least, most)
+        for name, hint in HINTS.items():
+            self._check(name, _is_of(getattr(self, name), hint), _words(hint))
+        require_integer("training setting n_steps x n_envs", self.rollout, 2)
         if self.minibatch == 1:
             raise InvalidValueError(
                 f"training setting batch_size must allow minibatches of more than 1, got {self.batch_size} "
@@ -204,25 +244,23 @@ class TrainingSettings:
             self._check(
                 "like", not put_back, "kinds of pushes alone, or starts reset: walks keep their robot"
             )
-        self._set("profile", (self.profile,) if isinstance(self.profile, str) else tuple(self.profile))
         get_profiles(self.profile)
-        if isinstance(self.pushes, dict):
-            self._set("pushes", PushDistribution.from_dict(self.pushes))
-        self._check("pushes", isinstance(self.pushes, PushDistribution), "a PushDistribution")
         self._set("errors", tuple(tuple(one) for one in self.errors))
-        self._set("easy", tuple(self.easy))
         self.easy_pushes  # noqa: B018  # raises where it is impossible
         if self.gate is not None:
             self._set("gate", check_gate(self.gate))
         if self.inputs is not None:
             self._set("inputs", check_inputs(self.inputs, self.residual))
         self._set("critic", check_critic(self.critic))
-        self._check("log_std", all(map(math.isfinite, self.initial_log_std)), "finite numbers")
-        end = self.log_std_end
-        self._check("log_std_end", end is None or math.isfinite(end), "None or a finite number")
+        for name in ("policy_layers", "value_layers", "log_std"):
+            self._check(name, getattr(self, name) != (), "one number or more")
         for name in ("policy_layers", "value_layers"):
-            self._set(name, tuple(getattr(self, name)))
-            self._check(name, all(isinstance(n, int) and n >= 1 for n in getattr(self, name)), "widths >= 1")
+            for width in getattr(self, name):
+                require_integer(f"training setting {name}", width, 1, WIDEST)
+        for value in self.initial_log_std:
+            require_number("training setting log_std", value, -LOG_STD_MAX, LOG_STD_MAX)
+        if self.log_std_end is not None:
+            require_number("training setting log_std_end", self.log_std_end, -LOG_STD_MAX, LOG_STD_MAX)
         self._set("env_id", env_of_kind(self.kind, self.env_id.removeprefix("push_recovery:")))
         if self.teacher and (self.env_id, self.periods) != (TAUGHT_ENV, 1):
             raise InvalidValueError(
@@ -244,7 +282,7 @@ class TrainingSettings:
     def _check(self, name: str, good: bool, wanted: str) -> None:
         if not good:
             raise InvalidValueError(
-                f"training setting {name} must be {wanted}, got {getattr(self, name, '')!r}"
+                f"training setting {name} must be {wanted}, got {shown(getattr(self, name))}"
             )
 
     @property
@@ -328,14 +366,15 @@ class TrainingSettings:
         if not isinstance(values, dict) or set(values) | LATER.keys() != names:
             found = sorted(values) if isinstance(values, dict) else values
             raise InvalidValueError(f"training settings must have the keys {sorted(names)}, got {found}")
-        whole = LATER | values
+        whole: dict[str, Any] = LATER | values
         try:
-            settings: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in whole.items()}
-            return cls(**settings)
-        except TypeError as error:
+            return cls(**whole)
+        except (TypeError, LookupError, AttributeError, ArithmeticError) as error:
             raise InvalidValueError(f"training settings: {error}") from error
 
 
+HINTS = get_type_hints(TrainingSettings)
+del HINTS["scale"], HINTS["gate"]  # which have checks of their own
 RESIDUAL = TrainingSettings("residual")
 # What corrects torques has to know how to turn by itself
 TURNING = replace(TRAINING_PUSHES, turn=FASTEST_TURN)

@@ -17,17 +17,26 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InvalidValueError, is_integer
+from ..errors import InvalidValueError
 from ..files import read_file, write_atomically
 from ..model.gait_box import GAIT_SIZE, GaitLimits
 from ..model.observation import as_doubles
 from ..model.robot import RobotModel
 from ..settings import PlannerConfig
-from ..validation import differences, keep_python_numbers, parse_json
+from ..validation import (
+    differences,
+    keep_python_numbers,
+    parse_json,
+    require_integer,
+    require_kind,
+    require_number,
+)
 from .interface import Policy
 from .mlp import OBSERVATION, Mlp, NetworkInputs, Normalisation, check_inputs, input_size
 from .residual import Below, ResidualRule, check_gate, check_residual_scale
 from .two_stage import TwoStagePolicy, make_policy
+
+LONGEST_HOLD = 10_000  # of a learned action [planning periods]
 
 
 @dataclass(frozen=True)
@@ -70,10 +79,7 @@ class PolicyDescription:
     def __post_init__(self) -> None:
         if not isinstance(self.env_id, str):
             raise InvalidValueError(f"env_id must be a name, got {self.env_id!r}")
-        if not is_integer(self.hold) or self.hold < 1:
-            raise InvalidValueError(
-                f"hold must be a whole number of planning periods >= 1, got {self.hold!r}"
-            )
+        require_integer("hold [planning periods]", self.hold, 1, LONGEST_HOLD)
         keep_python_numbers(self)
         object.__setattr__(self, "inputs", check_inputs(self.inputs, self.residual is not None))
 
@@ -107,13 +113,12 @@ def read_policy(path: str | Path) -> tuple[Mlp, Normalisation, PolicyDescription
     """
     weights_path, description_path = policy_paths(path)
     about = _read_description(description_path)
-    network = _read_network(weights_path, about)
     try:
         normalisation = Normalisation(
-            np.asarray(about["observation_mean"], dtype=np.float64),
-            np.asarray(about["observation_variance"], dtype=np.float64),
-            float(about["observation_clip"]),
-            float(about["observation_epsilon"]),
+            _numbers(about, "observation_mean"),
+            _numbers(about, "observation_variance"),
+            require_number("observation_clip", about["observation_clip"]),
+            require_number("observation_epsilon", about["observation_epsilon"]),
         )
         residual = about["residual"]
         description = PolicyDescription(
@@ -122,11 +127,29 @@ def read_policy(path: str | Path) -> tuple[Mlp, Normalisation, PolicyDescription
             _record(GaitLimits, about["limits"], "limits"),
             None if residual is None else read_residual(residual),
             about["hold"],
-            tuple(about["inputs"]),
+            tuple(require_kind("inputs", about["inputs"], list)),
         )
-    except (InvalidValueError, TypeError, ValueError) as error:
+        sizes = _sizes(about)
+        require_kind("training", about["training"], dict)
+    except (InvalidValueError, TypeError, ValueError, ArithmeticError) as error:
         raise InvalidValueError(f"policy description {description_path}: {error}") from error
-    return network, normalisation, description
+    return _read_network(weights_path, about, sizes), normalisation, description
+
+
+def _numbers(about: dict[str, Any], key: str) -> NDArray[np.float64]:
+    values = require_kind(key, about[key], list)
+    return np.array([require_number(f"{key}[{i}]", value) for i, value in enumerate(values)], np.float64)
+
+
+def _sizes(about: dict[str, Any]) -> list[int]:
+    """Width of every layer, from the input to the output; `about` has known inputs."""
+    hidden = require_kind("hidden_sizes", about["hidden_sizes"], list)
+    observation_size = require_integer("observation_size", about["observation_size"], 1)
+    return [
+        observation_size + input_size(about["inputs"], 0),
+        *(require_integer(f"hidden_sizes[{i}]", size, 1) for i, size in enumerate(hidden)),
+        require_integer("action_size", about["action_size"], 1),
+    ]
 
 
 def _read(kind: str, path: Path) -> bytes:
@@ -152,8 +175,8 @@ def _read_description(path: Path) -> dict[str, Any]:
     return about
 
 
-def _read_network(path: Path, about: dict[str, Any]) -> Mlp:
-    """The network, its shapes as the description states them."""
+def _read_network(path: Path, about: dict[str, Any], sizes: list[int]) -> Mlp:
+    """The network, its layers of the sizes that the description states."""
     from safetensors import SafetensorError
     from safetensors.numpy import load
 
@@ -164,12 +187,8 @@ def _read_network(path: Path, about: dict[str, Any]) -> Mlp:
         )
     try:
         tensors = load(content)
-        inputs = about["observation_size"] + input_size(about["inputs"], 0)
-        sizes = [inputs, *about["hidden_sizes"], about["action_size"]]
     except (SafetensorError, KeyError, TypeError, ValueError) as error:
         raise InvalidValueError(f"the policy weights {path} are damaged: {error}") from error
-    if not all(is_integer(size) and size > 0 for size in sizes):
-        raise InvalidValueError(f"the sizes of a policy must be whole numbers > 0, got {sizes}")
     expected: dict[str, tuple[int, ...]] = {}
     for i, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
         expected |= {f"layers.{i}.weight": (outputs, inputs), f"layers.{i}.bias": (outputs,)}

@@ -14,6 +14,7 @@ from ..model.gait_box import GAIT_NAMES, GAIT_SIZE, GaitLimits
 from ..model.nominal_gait import NOMINAL_SIZE, check_pelvis, nominal_gait_kernel, step_start_dcm_kernel
 from ..model.observation import COMMAND, DCM, ELAPSED
 from ..model.robot import RobotModel
+from ..validation import require_pair
 from .interface import Policy, action_and_state
 
 # What a learned correction of 1 means at factor 1, in the units of GAIT_NAMES: [m], [m], [s], [m], [m],
@@ -78,12 +79,12 @@ def check_gate(band: ArrayLike) -> tuple[float, float]:
         InvalidValueError: Not two finite numbers with 0 <= shut < open.
     """
     try:
-        values = np.asarray(band, dtype=np.float64)
-    except (TypeError, ValueError):
-        values = np.empty(0)
-    if values.shape != (2,) or not (np.isfinite(values).all() and 0.0 <= values[0] < values[1]):
-        raise InvalidValueError(f"a residual gate is two numbers 0 <= shut < open [m], got {band!r}")
-    return float(values[0]), float(values[1])
+        shut, opened = require_pair("a residual gate", band)
+    except InvalidValueError:
+        shut = opened = 0.0
+    if not 0.0 <= shut < opened:
+        raise InvalidValueError(f"a residual gate is two numbers 0 <= shut < open [m], got {shown(band)}")
+    return shut, opened
 
 
 class ResidualGate:

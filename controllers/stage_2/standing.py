@@ -238,9 +238,7 @@ class StandingPlanner:
         Raises:
             InvalidValueError: another shape, or not finite.
         """
-        rows = np.ascontiguousarray(rows, dtype=np.float64)
-        if rows.ndim != 2 or rows.shape[1] != INPUTS:
-            raise InvalidValueError(f"rows must have shape (n, {INPUTS}), got {rows.shape}")
+        rows = problem.as_rows(rows, INPUTS)
         if not (fine := np.isfinite(rows).all(axis=1)).all():
             raise InvalidValueError(f"stage 2 of standing needs finite states, got {rows[~fine][0].tolist()}")
         out = np.zeros((len(rows), problem.RESULT_SIZE))

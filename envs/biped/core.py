@@ -309,8 +309,13 @@ class BipedCore:
         """Give robot k what a scenario says: model, floor, errors, sensing, pushes, new commands, kicks.
 
         It has to be put somewhere next, as `reset` does, or by `put_back`.
+
+        Raises:
+            InvalidValueError: the robot can't have it; nothing has changed then.
         """
         check_biped_errors(scenario.errors)
+        if sum(push.law is not None and push.law.accelerates for push in scenario.forces) > 1:
+            raise InvalidValueError(f"a floor has one shift at most, got several in scenario {scenario.id!r}")
         for push in scenario.forces:
             require_choice("push body", push.body, tuple(self.body.pushed))
         model = assign_errors(self.errors, k, scenario, self.body)

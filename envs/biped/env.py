@@ -183,8 +183,8 @@ class BipedEnv(GaitEnv):
             push_distribution: of the scenarios that `reset` draws, as an object or its dict.
             robot: another one than the biped: see `BipedConfig`.
             profile: of the robots in scenarios that `reset` draws: "exact", as the planner takes them to be,
-                or "hardware", with its own sensors, losses, delay, collisions and finer physics; of several
-                each scenario draws one.
+                "collisions", whose legs, arms and trunk collide, or "hardware", with its own sensors,
+                losses, delay and finer physics, too; of several each scenario draws one.
             sensing: what planner and control act on in every scenario, the true state ("exact") or what the
                 robot's own sensors tell ("onboard"); None: what the scenario says.
             arm: the policy that will act, for its own robot where the preset has one (`arms.NAME.biped`).

@@ -13,7 +13,6 @@ import mujoco
 import numpy as np
 
 from ...controllers.array_table import floats_at, ints_at, tuple_reader
-from ...controllers.errors import InvalidValueError
 from ...controllers.jit import njit
 from ...controllers.math3 import (
     ZERO,
@@ -99,12 +98,8 @@ def assign_laws(
     Returns:
         Arrays that have to live as long as the robot has this scenario.
 
-    Raises:
-        InvalidValueError: several laws that move the floor.
     """
     kept = []
-    if np.isin(pushes.law[k], (MOVED, TILTED)).sum() > 1:
-        raise InvalidValueError(f"a floor has one shift at most, got several in scenario {scenario.id!r}")
     for i, push in enumerate(scenario.forces):
         body = robot.indices.pushed[pushes.body[k, i]]
         if pushes.law[k, i] == COUPLED:
@@ -309,9 +304,13 @@ def move_floor(pushes: Pushes, k: int, i: int, now: float, dt: float, heading: f
     row, places = pushes.progress[k, i], pushes.places[k, i]
     since = now + dt - pushes.start[k, i]
     if pushes.law[k, i] == GRIPPED:
-        low = -DUE <= since < pushes.duration[k, i] - DUE
+        friction, low = row[NOMINAL], -DUE <= since < pushes.duration[k, i] - DUE
         if low or row[LOW] != 0.0:
-            friction = min(row[NOMINAL], pushes.terms[k, i, 0]) if low else row[NOMINAL]
+            for j in range(pushes.law.shape[1]):  # slips of one sole: the lowest counts
+                if pushes.law[k, j] == GRIPPED and pushes.body[k, j] == pushes.body[k, i]:
+                    passed = now + dt - pushes.start[k, j]
+                    if -DUE <= passed < pushes.duration[k, j] - DUE:
+                        friction = min(friction, pushes.terms[k, j, 0])
             for address in ints_at(places[PAIRS], places[COUNT]):
                 pair = floats_at(address, 2)
                 pair[0] = pair[1] = friction

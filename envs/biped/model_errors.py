@@ -20,11 +20,12 @@ import numpy as np
 from numba.np.numpy_support import carray
 
 from ...controllers.array_table import Floats2, Floats3, Ints1, Ints2
-from ...controllers.errors import InvalidValueError
+from ...controllers.errors import InvalidValueError, PushRecoveryError, shown
 from ...controllers.jit import njit
 from ...controllers.math3 import stack_floats
 from ...controllers.model.observation import COM_VELOCITY, PUSH_ESTIMATE
 from ...controllers.model.robot import GRAVITY
+from ...controllers.validation import require_number
 from ...controllers.whole_body.kinematics import NU, NV, WAIST_DOF, Array, Physics
 from ..robots.compiled_robot import CompiledRobot
 from ..robots.indices import MISSING
@@ -45,7 +46,7 @@ from ..scenario.noise import (
     normal_pair,
 )
 from ..scenario.scenario import Scenario
-from ..scenario.terrain import Terrain
+from ..scenario.terrain import Pattern, Terrain
 from ..simulation import Handles, advance_measured, compute_nominal, show_measured, show_unmeasured, simulated
 from .actuators import CONTINUOUS, EACH, INERTIA, TOGETHER, limit_torques
 from .floor import has_tiles
@@ -136,16 +137,28 @@ def _altered(
 
 @lru_cache(maxsize=4)
 def _shaped(robot: CompiledRobot, terrains: tuple[Terrain, ...], collisions: bool) -> mujoco.MjModel:
-    """The robot over terrains, with collisions, or both; never modified."""
+    """The robot over terrains, with collisions, or both; never modified.
+
+    Raises:
+        InvalidValueError: a terrain of one's own can't be added, or has no height where the robot begins.
+    """
     if not terrains and not collisions:
         return robot.model
     solid = robot.description.solid if collisions else None
     spec = (solid or robot.description.spec)()
-    for terrain in terrains:
-        terrain.shape(spec, robot.plan.sole_boxes)
-    if collisions:
-        add_collisions(spec, robot)
-    return robot.compiled(spec)
+    try:
+        for terrain in terrains:
+            terrain.shape(spec, robot.plan.sole_boxes)
+            height = terrain.height(0.0, 0.0, Pattern())
+            require_number(f"{type(terrain).__name__}.height [m] at the start", height)
+        if collisions:
+            add_collisions(spec, robot)
+        return robot.compiled(spec)
+    except Exception as error:  # the class of a terrain decides for itself what it raises
+        if isinstance(error, PushRecoveryError) or not terrains:
+            raise
+        names = ", ".join(type(terrain).__name__ for terrain in terrains)
+        raise InvalidValueError(f"terrain {names} can't be added to the model: {shown(error)}") from error
 
 
 def _alter_body(model: mujoco.MjModel, robot: CompiledRobot, errors: ModelErrors) -> None:

@@ -128,7 +128,7 @@ class GaitEpisodes(ABC, Generic[C]):
             )
         announce_compilation()
         self.n, self.robot, self.limits, self.preset = n, robot, limits, preset
-        self.control_hz, self.arm = getattr(control_hz, "item", lambda: control_hz)(), arm
+        self.control_hz, self.arm = control_hz, arm
         timing = self.touchdown_delay, self.double_support = config.touchdown_delay, config.double_support
         self.both_feet = self.double_support > 0.0  # whether a robot may be on both feet at a time
         self.monitor = GaitMonitor(self.n)

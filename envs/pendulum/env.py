@@ -279,7 +279,7 @@ class PendulumEnv(GaitEnv):
         for i in range(pushes.start.shape[1]):
             if pushes.start[0, i] <= state.time[0] < pushes.start[0, i] + pushes.duration[0, i]:
                 force += pushes.force[0, i, :2]
-        elapsed = float(state.time[0] - state.step_start[0])
+        elapsed = float(self.core.truth[0, layout.ELAPSED])
         return self._picture.draw(state, self.robot, force, both_stand(elapsed, self.double_support))
 
 

@@ -32,7 +32,7 @@ from ..scenario.push import BODIES, LINK
 from ..snapshot import model_digest
 from .description import RobotDescription
 from .indices import MISSING, TILT, Indices, find_indices, hinge, known, motor_of
-from .model_files import in_a_line
+from .model_files import in_a_line, unwarned
 
 FREQUENCY = 60.0  # w [rad/s]
 
@@ -165,7 +165,8 @@ class CompiledRobot:
         Those of a robot that is `driven` keep their motors.
         """
         try:
-            model = spec.compile()
+            with unwarned():
+                model = spec.compile()
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
             message = in_a_line(error)
             raise InvalidValueError(

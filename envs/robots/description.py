@@ -58,7 +58,7 @@ def robot_description(robot: str | RobotDescription) -> RobotDescription:
         return robot
     place = BIPED if robot == "biped" else robot if isinstance(robot, str) else ""
     module, _, attribute = place.partition(":")
-    if not (module and attribute):
+    if not (module and attribute) or place.endswith(".json"):  # a folder may have a colon too
         return import_module(ADAPTED).robot_of_file(robot)
     try:
         description = getattr(import_module(module), attribute)

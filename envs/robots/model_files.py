@@ -9,9 +9,12 @@ from __future__ import annotations
 
 import hashlib
 import os
-import xml.etree.ElementTree as ET
+import re
+import warnings
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
+from html import unescape
 from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
@@ -48,17 +51,32 @@ def model_file(model: str) -> Path:
 
 
 def read_model(model: str) -> mujoco.MjSpec:
-    """The model as its file has it, MJCF or URDF.
+    """The model as its file has it, MJCF or URDF, and its meshes when it is compiled as theirs have them.
 
     Raises:
         MissingExtraError: its package is not installed.
         InvalidValueError: there is no such file, or MuJoCo cannot read it.
     """
     path = model_file(model)
+    mujoco.mj_clearCache(mujoco.mj_getCache())  # knows a mesh by its path and the second of its last change
     try:
-        return mujoco.MjSpec.from_file(str(path))
+        with unwarned():
+            return mujoco.MjSpec.from_file(str(path))
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise InvalidValueError(f"MuJoCo cannot read the model {model!r}: {in_a_line(error)}") from error
+
+
+@contextmanager
+def unwarned() -> Iterator[None]:
+    """What MuJoCo warns of in here is neither printed nor written to a log in the working directory."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def in_a_line(error: Exception) -> str:
@@ -69,6 +87,8 @@ def in_a_line(error: Exception) -> str:
 FOLDERS = "meshdir", "texturedir", "assetdir"  # of the compiler of a model
 NAMING = "file", "filename"  # attributes of MJCF and URDF; of a cube's textures there are six more
 FACES = tuple(f"file{face}" for face in ("right", "left", "up", "down", "front", "back"))
+COMMENT, TAG = re.compile(r"<!--.*?-->", re.DOTALL), re.compile(r"<(\w+)([^<]*)")
+ATTRIBUTE = re.compile(r"""(\w+)\s*=\s*("[^"]*"|'[^']*')""")
 SMALL = 2**16  # a smaller file is read each time [bytes]
 
 
@@ -79,14 +99,18 @@ def model_digest(model: str) -> str:
         MissingExtraError, InvalidValueError: there is no such model.
     """
     digest = hashlib.sha256()
-    for name, path in sorted(named_files(model_file(model)).items()):
-        digest.update(f"{name}\0{file_digest(path)}\0".encode())
+    for (name, _), path in sorted(named_files(model_file(model)).items()):
+        digest.update(os.fsencode(f"{name}\0{file_digest(path)}\0"))
     return digest.hexdigest()
 
 
-def named_files(path: Path) -> dict[str, Path]:
-    """Files that a model consists of, those that exist, by the names that they are called by."""
-    found, waiting, folders = {path.name: path}, [path], {""}
+def named_files(path: Path) -> dict[tuple[str, str], Path]:
+    """Files that a model may consist of, those that exist.
+
+    They are known by the name that each is called by and by where it lies from the model's folder: a name may
+    be that of a file in each of several folders.
+    """
+    found, waiting, folders = {(path.name, path.name): path}, [path], {""}
     named: list[tuple[Path, str]] = []
     while waiting:
         file = waiting.pop()
@@ -96,28 +120,31 @@ def named_files(path: Path) -> dict[str, Path]:
                 continue
             named.append((file.parent, name))
             for place in (file.parent / name, path.parent / name):
-                if tag in ("include", "model") and name not in found and is_file(place):
-                    found[name] = place
-                    waiting.append(place)
-                    break
+                if tag in ("include", "model") and is_file(place):
+                    key = name, os.path.relpath(place, path.parent)
+                    if key not in found:
+                        found[key] = place
+                        waiting.append(place)
     for (folder, name), inside in product(named, sorted(folders)):
         for called in dict.fromkeys((name, Path(name).name)):  # URDF: without its folders
             for place in (folder / inside / called, path.parent / inside / called):
                 if is_file(place):
-                    found.setdefault(os.path.join(inside, called), place)
+                    key = os.path.join(inside, called), os.path.relpath(place, path.parent)
+                    found.setdefault(key, place)
     return found
 
 
 def _names(path: Path) -> Iterator[tuple[str, str]]:
-    """(tag, name) of all files and folders that an XML file names; none of one that is no XML."""
+    """(tag, name) of all files and folders that an XML file names, or one that MuJoCo alone takes for XML."""
     try:
-        root = ET.fromstring(read_file(path))  # noqa: S314 - nothing of it is expanded or run
-    except (ET.ParseError, ValueError, OSError):
+        text = COMMENT.sub("", os.fsdecode(read_file(path)))
+    except OSError:
         return
-    for element in root.iter():
-        for attribute in FOLDERS if element.tag == "compiler" else (*NAMING, *FACES):
-            if name := element.get(attribute):
-                yield element.tag, name
+    for tag, inside in TAG.findall(text):
+        values = {attribute: unescape(value[1:-1]) for attribute, value in ATTRIBUTE.findall(inside)}
+        for attribute in FOLDERS if tag == "compiler" else (*NAMING, *FACES):
+            if name := values.get(attribute):
+                yield tag, name
 
 
 def file_digest(path: Path) -> str:

@@ -114,18 +114,19 @@ def read_robot_file(path: str | Path) -> RobotFile:
         if key not in KEYS:
             raise UnknownNameError(f"key of {what}", key, KEYS)
     try:
-        return _parsed(content, Path(path).absolute().parent)
+        return _parsed(content, [Path(path).absolute().parent, Path(path).resolve().parent])
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise InvalidValueError(
             f"{what} is not complete or has a value of another kind: {error!r}"
         ) from error
 
 
-def _parsed(content: dict[str, Any], folder: Path) -> RobotFile:
+def _parsed(content: dict[str, Any], folders: list[Path]) -> RobotFile:
+    """The robot of a file's content; of two folders the first has the file, the other what it links to."""
     left, right = (_sole(sole) for sole in content["soles"])
-    preset, folders = _name(content["preset"]), [folder]
+    preset = _name(content["preset"])
     if "written_in" in content:
-        folders.append(Path(_name(content["written_in"])))
+        folders.insert(1, Path(_name(content["written_in"])))
     legs = [[_name(joint) for joint in leg] for leg in content["legs"]]
     waist = [None if joint is None else _name(joint) for joint in content["waist"]]
     plan = make_plan(

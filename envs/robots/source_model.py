@@ -11,6 +11,7 @@ that the model names; other shapes are as MuJoCo has compiled them.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.files import is_file
-from .model_files import in_a_line, read_model
+from .model_files import file_digest, in_a_line, model_file, named_files, read_model, unwarned
 
 FREE, HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 SLIDE, BALL = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_BALL
@@ -41,6 +42,11 @@ COLLISION_GROUPS = (3, 4, 5)  # of the shapes that models draw on demand only
 READABLE = ".obj", ".stl", ".msh"  # meshes that MuJoCo reads
 THEIRS = "model "  # begins the names of what a model's shapes are made of
 CONTACT = "condim", "priority", "friction", "solmix", "solimp", "margin", "gap"  # of a shape that collides
+FINITE = {  # that numbers of these parts must be; ends of a range may be infinite
+    "body": ("pos", "quat", "mass", "ipos", "iquat", "inertia"),
+    "joint": ("pos", "axis", "armature", "qpos0", "range"),
+    "actuator": ("gear", "ctrlrange", "forcerange"),
+}
 FOLDER = {"mesh": "meshdir", "texture": "texturedir"}  # field of the compiler
 UNCOPIED = {"id", "info", "name", "classname", "compiler", "plugin", "signature", "material"}
 # A shape without weight that touches nothing but what pairs name
@@ -70,10 +76,11 @@ class SourceModel:
 
     @cached_property
     def bodies(self) -> list[int]:
-        """Bodies of the robot, the one tree of several bodies."""
+        """Bodies of the robot, the one tree that moves, or the largest where none does."""
         roots = self.model.body_rootid
         trees = [np.flatnonzero(roots == root) for root in np.unique(roots[1:])]
-        return max(trees, key=len).tolist()
+        moving = roots[self.model.jnt_bodyid]
+        return max(trees, key=lambda tree: (tree[0] in moving, len(tree))).tolist()
 
     @cached_property
     def joints(self) -> list[int]:
@@ -107,7 +114,10 @@ class SourceModel:
 
     @cached_property
     def torques(self) -> dict[str, float]:
-        """Largest torque of each joint that has one, both ways: its own bound and its actuators' [N m]."""
+        """Largest torque of each joint that has one, both ways: its own bound and its actuators' [N m].
+
+        An infinite one is no bound.
+        """
         model, found = self.model, {}
         for joint in self.joints:
             bounds = []
@@ -116,17 +126,14 @@ class SourceModel:
             if (driven := self._driven(joint)) is not None:
                 bounds.append(driven)
             largest = min((min(-low, high) for low, high in bounds), default=0.0)
-            if largest > 0.0:
+            if 0.0 < largest < np.inf:
                 found[self.name(joint)] = float(largest)
         return found
 
     def _driven(self, joint: int) -> np.ndarray | None:
         """Least and largest torque of all actuators of a joint [N m]; None where one has no bound."""
         model, total = self.model, None
-        kinds = (mujoco.mjtTrn.mjTRN_JOINT.value, mujoco.mjtTrn.mjTRN_JOINTINPARENT.value)
-        for actuator in np.flatnonzero(np.isin(model.actuator_trntype, kinds)).tolist():
-            if model.actuator_trnid[actuator, 0] != joint:
-                continue
+        for actuator in self._actuators(joint):
             bounds = []
             if model.actuator_forcelimited[actuator]:
                 bounds.append(model.actuator_forcerange[actuator])
@@ -139,6 +146,13 @@ class SourceModel:
             own = np.sort(model.actuator_gear[actuator, 0] * force)
             total = own if total is None else total + own
         return total
+
+    def _actuators(self, joint: int) -> list[int]:
+        """Actuators of a joint."""
+        model = self.model
+        kinds = (mujoco.mjtTrn.mjTRN_JOINT.value, mujoco.mjtTrn.mjTRN_JOINTINPARENT.value)
+        own = np.isin(model.actuator_trntype, kinds) & (model.actuator_trnid[:, 0] == joint)
+        return np.flatnonzero(own).tolist()
 
     def _is_motor(self, actuator: int) -> bool:
         """Whether an actuator's force is its control times a constant."""
@@ -210,11 +224,13 @@ class SourceModel:
             kind = mujoco.mjtJoint(int(model.jnt_type[joint]))
             if kind == FREE:
                 continue
-            limited = bool(model.jnt_limited[joint])
+            limited = bool(model.jnt_limited[joint] and np.isfinite(model.jnt_range[joint]).any())
+            driven = self._actuators(joint)
+            rotors = model.actuator_gear[driven, 0] ** 2 @ model.actuator_armature[driven]
             added = body.add_joint(
                 name=self.name(joint), type=kind, pos=model.jnt_pos[joint], axis=model.jnt_axis[joint],
-                range=model.jnt_range[joint] * limited, limited=limited,
-                armature=model.dof_armature[model.jnt_dofadr[joint]],
+                range=np.nan_to_num(model.jnt_range[joint]) * limited, limited=limited,
+                armature=model.dof_armature[model.jnt_dofadr[joint]] + rotors,
             )  # fmt: skip
             if kind != BALL and (ref := float(model.qpos0[model.jnt_qposadr[joint]])):
                 move_joint(added, -ref)
@@ -235,7 +251,8 @@ def read_source(place: str, feet: Collection[str] = ()) -> SourceModel:
 
     Raises:
         MissingExtraError: its package is not installed.
-        InvalidValueError: MuJoCo cannot read or compile it, or it does not hold one robot with named parts.
+        InvalidValueError: MuJoCo cannot read or compile it, it does not hold one robot with named parts, or a
+            number of a body, a joint or an actuator is not finite.
     """
     spec = read_model(place)
     check_robot(spec, place)
@@ -247,8 +264,27 @@ def read_source(place: str, feet: Collection[str] = ()) -> SourceModel:
         shown = {geom.meshname for geom in spec.geoms if geom.parent.name in kept or not take_mesh(geom)}
         take_out((mesh for mesh in spec.meshes if mesh.name not in shown), spec)
     elif not (list(spec.tendons) or _shapes_weigh(spec)):
+        for part in (*spec.sites, *spec.flexes):
+            part.material = ""
+        for light in spec.lights:
+            light.texture = ""
         take_out((*spec.geoms, *spec.meshes, *spec.hfields, *spec.materials, *spec.textures), spec)
-    return SourceModel(place, compiled(spec, place), bool(fuses))
+    model = compiled(spec, place)
+    _check_finite(model, place)
+    return SourceModel(place, model, bool(fuses))
+
+
+def _check_finite(model: mujoco.MjModel, place: str) -> None:
+    """Raise InvalidValueError for a number of a body, a joint or an actuator that is not finite."""
+    counts = {"body": model.nbody, "joint": model.njnt, "actuator": model.nu}
+    parts = ((kind, getattr(model, kind)(number)) for kind, n in counts.items() for number in range(n))
+    for (kind, part), field in ((one, field) for one in parts for field in FINITE[one[0]]):
+        values = getattr(part, field)
+        if np.isnan(values).any() or (not field.endswith("range") and np.isinf(values).any()):
+            raise InvalidValueError(
+                f"{field} of {kind} {part.name or part.id!r} in the model {place!r} must be finite, got "
+                f"{' '.join(f'{value:g}' for value in values)}"
+            )
 
 
 def take_mesh(geom: mujoco.MjsGeom) -> str:
@@ -268,7 +304,8 @@ def compiled(spec: mujoco.MjSpec, place: str) -> mujoco.MjModel:
     """
     spec.compiler.discardvisual = False  # as it is for a URDF, whose shapes would go
     try:
-        return spec.compile()
+        with unwarned():
+            return spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise InvalidValueError(f"MuJoCo cannot compile the model {place!r}: {in_a_line(error)}") from error
 
@@ -281,11 +318,12 @@ def take_out(parts: Iterable[Any], spec: mujoco.MjSpec) -> None:
 
 def _shapes_weigh(spec: mujoco.MjSpec) -> bool:
     """Whether a body takes its inertia from its shapes."""
-    rule = spec.compiler.inertiafromgeom
-    if rule != mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO:
-        return rule == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
-    bodies = (body for body in spec.bodies if body.name != "world")
-    return any(list(body.geoms) and not body.explicitinertial for body in bodies)
+    rules = mujoco.mjtInertiaFromGeom
+    weighing = {rules.mjINERTIAFROMGEOM_TRUE: (True, False), rules.mjINERTIAFROMGEOM_AUTO: (False,)}
+    return any(
+        body.explicitinertial in weighing.get(body.compiler.inertiafromgeom, ())  # an attached one's own rule
+        for body in spec.bodies if body.name != "world" and list(body.geoms)
+    )  # fmt: skip
 
 
 def solid(geom: mujoco.MjsGeom, paired: Collection[str]) -> bool:
@@ -308,11 +346,11 @@ def check_robot(spec: mujoco.MjSpec, place: str) -> None:
         parts = [root, *descendants(root)]
         walls = (geom for part in parts for geom in part.geoms if geom.type not in GROUND)
         moves = any(list(part.joints) for part in parts)
-        if moves or len(parts) > 1 or any(solid(geom, paired) for geom in walls):
+        if moves or any(solid(geom, paired) for geom in walls):
             robots.append((root, parts))
     if not any(len(parts) > 1 for _, parts in robots):
         raise InvalidValueError(
-            f"there is no robot in the model {place!r}: no body has others hanging from it"
+            f"there is no robot in the model {place!r}: no body that moves has others hanging from it"
         )
     if len(robots) > 1:
         names = ", ".join(repr(root.name) for root, _ in robots)
@@ -325,9 +363,10 @@ def check_robot(spec: mujoco.MjSpec, place: str) -> None:
 
 def descendants(body: mujoco.MjsBody) -> Iterator[mujoco.MjsBody]:
     """Bodies that hang from a body, from the inside out."""
-    for child in body.bodies:
-        yield child
-        yield from descendants(child)
+    waiting = list(reversed(body.bodies))
+    while waiting:
+        yield (child := waiting.pop())
+        waiting += reversed(child.bodies)
 
 
 def _check_names(place: str, root: mujoco.MjsBody, parts: list[mujoco.MjsBody]) -> None:
@@ -420,7 +459,8 @@ def add_shapes(spec: mujoco.MjSpec, source: SourceModel, kind: str) -> bool:
         Whether the model has shapes, all of which MuJoCo can read; otherwise there are none.
     """
     theirs = read_model(source.place)
-    if not list(theirs.geoms) or not all(mesh.file.lower().endswith(READABLE) for mesh in theirs.meshes):
+    files = [mesh.file.lower() for mesh in theirs.meshes if mesh.file]  # others have corners of their own
+    if not list(theirs.geoms) or not all(file.endswith(READABLE) for file in files):
         return False
     paired, robot = paired_shapes(theirs), {str(source.model.body(body).name) for body in source.bodies}
     take_out((*theirs.sensors, *theirs.pairs, *theirs.excludes, *theirs.tuples, *theirs.skins), theirs)
@@ -430,7 +470,7 @@ def add_shapes(spec: mujoco.MjSpec, source: SourceModel, kind: str) -> bool:
     for geom, mesh in shapes:
         wanted = solid(geom, paired) if kind == SOLID else geom.group not in COLLISION_GROUPS
         if wanted and geom.parent.name in robot:
-            _add_shape(spec, theirs, model, geom, mesh)
+            _add_shape(spec, theirs, model, geom, mesh, source.place)
     if kind == SOLID:
         for mesh in spec.meshes:
             mesh.maxhullvert = HULL
@@ -438,22 +478,23 @@ def add_shapes(spec: mujoco.MjSpec, source: SourceModel, kind: str) -> bool:
 
 
 def _add_shape(
-    spec: mujoco.MjSpec, theirs: mujoco.MjSpec, model: mujoco.MjModel, geom: mujoco.MjsGeom, mesh: str
-) -> None:
-    """Put a shape of a model, where it is when compiled, onto the same body of another one."""
-    number, body, folder = geom.id, spec.body(geom.parent.name), theirs.modelfiledir
+    spec: mujoco.MjSpec, theirs: mujoco.MjSpec, model: mujoco.MjModel,
+    geom: mujoco.MjsGeom, mesh: str, place: str,
+) -> None:  # fmt: skip
+    """Put a shape of the model of a file, where it is when compiled, onto the same body of another one."""
+    number, body = geom.id, spec.body(geom.parent.name)
     added = body.add_geom(
         name=geom.name, type=MESH if mesh else geom_type(model, number), pos=model.geom_pos[number],
         quat=model.geom_quat[number], rgba=geom.rgba, **INERT,
     )  # fmt: skip
     if mesh:
-        added.meshname = _copied(spec, theirs.mesh(mesh), folder)
+        added.meshname = _copied(spec, theirs.mesh(mesh), place)
     else:
         added.size = model.geom_size[number]
     if geom.material:
-        added.material = _copied(spec, theirs.material(geom.material), folder)
+        added.material = _copied(spec, theirs.material(geom.material), place)
         material, used = spec.material(added.material), theirs.material(geom.material).textures
-        material.textures = [name and _copied(spec, theirs.texture(name), folder) for name in used]
+        material.textures = [name and _copied(spec, theirs.texture(name), place) for name in used]
     for field in CONTACT:
         setattr(added, field, getattr(model, f"geom_{field}")[number])
 
@@ -463,8 +504,8 @@ def geom_type(model: mujoco.MjModel, geom: int) -> mujoco.mjtGeom:
     return mujoco.mjtGeom(int(model.geom_type[geom]))
 
 
-def _copied(spec: mujoco.MjSpec, part: Any, folder: str) -> str:
-    """Name of a copy of a mesh, a material or a texture in another spec, where there is one at most."""
+def _copied(spec: mujoco.MjSpec, part: Any, place: str) -> str:
+    """Name of a copy of a mesh, a material or a texture of a file's model in another spec, one at most."""
     kind = type(part).__name__.removeprefix("Mjs").lower()
     name = THEIRS + part.name
     if getattr(spec, kind)(name) is not None:
@@ -475,11 +516,20 @@ def _copied(spec: mujoco.MjSpec, part: Any, folder: str) -> str:
         if field[0] != "_" and field not in UNCOPIED and not callable(value):
             setattr(copy, field, value)
     if getattr(part, "file", ""):
-        copy.file = _found(folder, getattr(part.compiler, FOLDER[kind]), part.file)
+        copy.file = _found(place, getattr(part.compiler, FOLDER[kind]), part.file)
     return name
 
 
-def _found(folder: str, inside: str, file: str) -> str:
-    """Path of a file as MuJoCo finds it: in the compiler's folder, or beside the model, maybe by its name."""
-    places = [Path(folder, own, name) for name in (file, Path(file).name) for own in (inside, "")]
-    return next((str(place.absolute()) for place in places if is_file(place)), file)
+def _found(model: str, inside: str, file: str) -> str:
+    """Path of a file as MuJoCo finds it: in the compiler's folder, or beside the model, maybe by its name.
+
+    One that a model names which is attached lies in that one's folder; none where two such files differ.
+    """
+    path, names = model_file(model), (file, Path(file).name)
+    for place in (path.parent / own / name for name in names for own in (inside, "")):
+        if is_file(place):
+            return str(place.absolute())
+    called = {os.path.join(inside, name) for name in names}
+    attached = [place for (name, _), place in named_files(path).items() if name in called]
+    alike = len({file_digest(place) for place in attached}) == 1
+    return str(attached[0].absolute()) if alike else file

@@ -9,11 +9,20 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...controllers.errors import InvalidValueError
+from ...controllers.errors import InvalidValueError, shown
 from ...controllers.model.robot import Similarity
-from ...controllers.validation import changed_fields, require_integer, require_number
+from ...controllers.validation import changed_fields, require_all, require_integer, require_number
 from .model_errors import CONTROL_STEP, EXACT_MODEL, ModelErrors
-from .push import DURATION_MAX, FORCE_MAX, STEP_MAX, GaitEvent, Push, polar_push, require_body
+from .push import (
+    DURATION_MAX,
+    FORCE_MAX,
+    STEP_MAX,
+    TIME_MAX,
+    GaitEvent,
+    Push,
+    polar_push,
+    require_body,
+)
 from .record import JsonRecord, object_of
 from .scenario import FASTEST_TURN, SETTLE_TIME, Command, Scenario
 
@@ -56,7 +65,7 @@ class ErrorRanges(JsonRecord):
             if value is None:
                 continue
             if isinstance(value, str) or not isinstance(value, Sequence) or len(value) != 2:
-                raise InvalidValueError(f"ErrorRanges.{field.name} must be (low, high), got {value!r}")
+                raise InvalidValueError(f"ErrorRanges.{field.name} must be (low, high), got {shown(value)}")
             low, high = (require_number(f"ErrorRanges.{field.name}", entry) for entry in value)
             if low > high:
                 raise InvalidValueError(f"ErrorRanges.{field.name} must have low <= high, got {low} > {high}")
@@ -161,7 +170,7 @@ class PushDistribution(JsonRecord):
     def __post_init__(self) -> None:
         self._set(errors=object_of(ErrorRanges, self.errors))
         if not isinstance(self.errors, ErrorRanges | None):
-            raise InvalidValueError(f"PushDistribution.errors must be ErrorRanges, got {self.errors!r}")
+            raise InvalidValueError(f"PushDistribution.errors must be ErrorRanges, got {shown(self.errors)}")
         require_number("PushDistribution.impulse_min [N s]", self.impulse_min, 0.0)
         require_number("PushDistribution.impulse_max [N s]", self.impulse_max, self.impulse_min)
         require_number("PushDistribution.direction_min [rad]", self.direction_min, -TURNS, TURNS)
@@ -182,8 +191,8 @@ class PushDistribution(JsonRecord):
         for name in ("forward_speed", "backward_speed", "sideways_speed"):
             require_number(f"PushDistribution.{name} [m/s]", getattr(self, name), 0.0, 5.0)
         require_number("PushDistribution.turn [rad/s]", self.turn, 0.0, FASTEST_TURN)
-        require_number("PushDistribution.settle_time [s]", self.settle_time, 0.0, open_low=True)
-        self._set(bodies=tuple(self.bodies))
+        require_number("PushDistribution.settle_time [s]", self.settle_time, 0.0, TIME_MAX, open_low=True)
+        self._set(bodies=require_all("PushDistribution.bodies", self.bodies, str))
         if not self.bodies:
             raise InvalidValueError("PushDistribution.bodies must name at least one body")
         for body in self.bodies:

@@ -14,13 +14,20 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 from ...controllers.errors import InvalidValueError
 from ...controllers.model.robot import GRAVITY, Similarity
-from ...controllers.validation import require_choice, require_kind, require_number, require_vector
+from ...controllers.validation import (
+    require_choice,
+    require_keys,
+    require_kind,
+    require_number,
+    require_vector,
+)
 from .model_errors import CONTROL_STEP
 from .push import (
     DURATION_MAX,
     FORCE_MAX,
     OFFSET_MAX,
     SIDES,
+    TIME_MAX,
     Body,
     Coupling,
     Disturbance,
@@ -87,7 +94,7 @@ class Apparatus(Disturbance):
         kind = type(self).__name__
         self._set(**checked(kind, self, self.quantities))
         if not isinstance(self.start, GaitEvent):
-            self._set(start=require_number(f"{kind}.start [s]", self.start, 0.0))
+            self._set(start=require_number(f"{kind}.start [s]", self.start, 0.0, TIME_MAX))
         checks = {
             "body": require_body,
             "side": lambda value: require_choice("side", value, SIDES),
@@ -141,6 +148,15 @@ def require_soft(kind: str, mass: float, stiffness: float, restitution: float = 
         )
 
 
+def require_hold(kind: str, ways: float, hold: float) -> None:
+    """Raise InvalidValueError for a hold [s] that lasts too long beside the time of all `ways` [s]."""
+    if ways + hold > DURATION_MAX:
+        raise InvalidValueError(
+            f"{kind}.hold [s] must be at most {DURATION_MAX - ways:g} with {ways:g} s of motion, since "
+            f"disturbances end after {DURATION_MAX:g} s, got {hold:g}"
+        )
+
+
 @register_disturbance
 @dataclass(frozen=True)
 class Impactor(Apparatus):
@@ -186,7 +202,13 @@ class Impactor(Apparatus):
             distance: d over the floor, at most l [m].
             start: of the contact.
             rest: other fields.
+
+        Raises:
+            UnknownNameError: there is no other field of that name.
+            InvalidValueError: an impossible value.
         """
+        own = {"mass", "speed", "start"}
+        require_keys("Impactor.pendulum", rest, set(), {entry.name for entry in fields(cls)} - own)
         length = require_number("pendulum's length [m]", length, 0.01, 100.0)
         distance = require_number("pendulum's distance [m]", distance, 0.0, length, open_low=True)
         height = length - math.sqrt(length**2 - distance**2)
@@ -289,15 +311,22 @@ class WaistPull(Apparatus):
     stiffness: float = 5000.0  # of the cable [N/m]
     damping: float = 100.0  # [N s/m]
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_hold("WaistPull", self._way.duration, self.hold)
+
+    @property
+    def _way(self) -> Shift:
+        return Shift(self.travel, self.fastest, self.acceleration)
+
     @property
     def forces(self) -> tuple[Push, ...]:
         """One, until the cable is let go."""
-        way = Shift(self.travel, self.fastest, self.acceleration)
         law = Coupling(
             self.stiffness, damping=self.damping, travel=self.travel, fastest=self.fastest,
             acceleration=self.acceleration, reach=self.reach,
         )  # fmt: skip
-        force, time = towards(self.direction, self.stiffness * self.travel), way.duration + self.hold
+        force, time = towards(self.direction, self.stiffness * self.travel), self._way.duration + self.hold
         return (Push(force, time, self.start, self.body, self.offset, "heading", law),)
 
 
@@ -493,10 +522,18 @@ class TiltingPlatform(Apparatus):
     hold: float = 0.5  # between the way there and the way back [s]
     acceleration: float = 10.0  # and deceleration [rad/s^2]
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_hold("TiltingPlatform", 2.0 * self._way.duration, self.hold)
+
+    @property
+    def _way(self) -> Shift:
+        return Shift(self.angle, self.fastest, self.acceleration)
+
     @property
     def forces(self) -> tuple[Push, ...]:
         """One without a nominal force, there and back."""
-        way = Shift(self.angle, self.fastest, self.acceleration)
+        way = self._way
         back = way.duration + self.hold
         law = FloorTilt(self.direction, *way, back)
         return (Push(CENTRE, back + way.duration, self.start, law=law),)

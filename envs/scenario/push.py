@@ -49,9 +49,10 @@ LINK = "link:"  # before the name of a held joint whose link is pushed
 
 FORCE_MAX = 1e7  # of each component [N]: 0.1 ms of it, which stand for a jump, shift 60 kg by 17 m/s
 DURATION_MAX = 3600.0  # [s]
+TIME_MAX = 1e6  # of any moment since reset [s]
 OFFSET_MAX = 10.0  # of each component [m]
 JUMP_MAX = 100.0  # of each component of a kick [m/s]
-STEP_MAX = 10**9  # of a gait event
+STEP_MAX = 100_000  # of a gait event
 PENDING = math.inf  # start time of a push whose gait event has not come yet [s]
 
 
@@ -127,7 +128,7 @@ class Disturbance(JsonRecord, ABC):
         return x, y, z
 
 
-DISTURBANCES: Kinds[Disturbance] = Kinds("disturbance")
+DISTURBANCES: Kinds[Disturbance] = Kinds("disturbance", Disturbance)
 register_disturbance, read_disturbance = DISTURBANCES.register, DISTURBANCES.read
 
 
@@ -174,7 +175,7 @@ class Law(JsonRecord, ABC):
         return {"kind": self.json_name} | super().to_dict()
 
 
-LAWS: Kinds[Law] = Kinds("law of a push")
+LAWS: Kinds[Law] = Kinds("law of a push", Law)
 RAMPED, COUPLED, GRIPPED, MOVED, TILTED = 1, 2, 3, 4, 5  # numbers of laws; 0: a constant force
 
 
@@ -432,7 +433,7 @@ class Push(Disturbance):
         require_body(self.body)
         require_choice("push frame", self.frame, FRAMES)
         if not isinstance(self.start, GaitEvent):
-            self._set(start=require_number("Push.start [s]", self.start, 0.0))
+            self._set(start=require_number("Push.start [s]", self.start, 0.0, TIME_MAX))
         if self.law is not None:
             require_kind("Push.law", self.law, Law).check(self)
 
@@ -500,7 +501,7 @@ class Kick(Disturbance):
 
     def __post_init__(self) -> None:
         self._set(velocity=require_vector("Kick.velocity [m/s]", self.velocity, JUMP_MAX))
-        self._set(start=require_number("Kick.start [s]", self.start, 0.0))
+        self._set(start=require_number("Kick.start [s]", self.start, 0.0, TIME_MAX))
 
     @property
     def jumps(self) -> tuple[Kick, ...]:

@@ -10,7 +10,7 @@ from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar
 
-from ...controllers.errors import InvalidValueError
+from ...controllers.errors import InvalidValueError, shown
 from ...controllers.model.robot import Similarity
 from ...controllers.validation import parse_json, require_choice, require_keys, require_number
 
@@ -123,14 +123,27 @@ class Kinds(Generic[K]):
     """Kinds of something, each a class of records, known by its `json_name` once it is registered."""
 
     what: str  # they are kinds of, for errors
+    base: type  # that they derive from
     by_name: dict[str, type[K]] = field(default_factory=dict)
 
     def register(self, kind: _Class) -> _Class:
         """Let scenarios have a kind; a decorator of its class.
 
         Raises:
-            InvalidValueError: another kind has that name.
+            InvalidValueError: another kind has that name, or the class is none that scenarios can have.
         """
+        name, frozen = getattr(kind, "json_name", None), getattr(kind, "__dataclass_params__", None)
+        missing = ", ".join(sorted(getattr(kind, "__abstractmethods__", ())))
+        has_name = isinstance(name, str) and name.isprintable() and bool(name.strip())
+        demands = {
+            f"be a subclass of {self.base.__name__}": isinstance(kind, type) and issubclass(kind, self.base),
+            "be a frozen dataclass": frozen is not None and frozen.frozen,
+            f"define {missing}": not missing,
+            "have a json_name of printable characters": has_name,
+            "have no field 'kind'": "kind" not in getattr(kind, "__dataclass_fields__", ()),
+        }
+        if wrong := [words for words, met in demands.items() if not met]:
+            raise InvalidValueError(f"a class of a {self.what} must {wrong[0]}, got {shown(kind)}")
         if self.by_name.setdefault(kind.json_name, kind) is not kind:  # type: ignore[arg-type]
             raise InvalidValueError(f"a {self.what} of kind {kind.json_name!r} is registered already")
         return kind

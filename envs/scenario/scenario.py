@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
@@ -15,6 +15,7 @@ from ...controllers.errors import InvalidValueError, shown
 from ...controllers.model.robot import Similarity
 from ...controllers.validation import (
     changed_fields,
+    require_all,
     require_choice,
     require_integer,
     require_kind,
@@ -23,7 +24,7 @@ from ...controllers.validation import (
 )
 from .disturbances import read_disturbance
 from .model_errors import EXACT_MODEL, PLAIN_PHYSICS, ModelErrors, PhysicsOptions
-from .push import SIDES, Disturbance, Kick, Push, Side, other_side
+from .push import SIDES, TIME_MAX, Disturbance, Kick, Push, Side, other_side
 from .record import JsonRecord, object_of
 
 FASTEST_TURN = 0.6  # [rad/s]
@@ -111,7 +112,7 @@ class CommandChange(JsonRecord):
     command: Command
 
     def __post_init__(self) -> None:
-        self._set(time=require_number("CommandChange.time [s]", self.time, 0.0, open_low=True))
+        self._set(time=require_number("CommandChange.time [s]", self.time, 0.0, TIME_MAX, open_low=True))
         require_kind("CommandChange.command", self.command, Command)
 
     def mirrored(self) -> CommandChange:
@@ -129,6 +130,7 @@ class CommandChange(JsonRecord):
 
 SETTLE_TIME = 4.0  # an episode ends this long after the last push ended [s]
 STRIDE_MAX = 0.5  # [m]
+ID_MAX = 1000  # characters
 SEED_MAX = 2**128 - 1  # the noise takes the lowest 64 bits
 # What control acts on: the true state, or the estimate by an `Estimator`, with the place where that is
 SENSING: dict[str, str | None] = {
@@ -169,20 +171,26 @@ class Scenario(JsonRecord):
     start: StartOffset = NOMINAL_START  # beside the nominal one
 
     def __post_init__(self) -> None:
-        if not isinstance(self.id, str) or not self.id:
-            raise InvalidValueError(f"Scenario.id must be a non-empty string, got {self.id!r}")
+        if not (isinstance(self.id, str) and 0 < len(self.id) <= ID_MAX and self.id.isprintable()):
+            raise InvalidValueError(
+                f"Scenario.id must be 1 to {ID_MAX} printable characters, got {shown(self.id)}"
+            )
         for name, kind in _LISTS.items():
-            self._set(**{name: _all_of(name, getattr(self, name), kind)})
+            self._set(**{name: require_all(f"Scenario.{name}", getattr(self, name), kind)})
+        for part in self.disturbances:
+            require_all(f"{type(part).__name__}.forces", part.forces, Push)
+            require_all(f"{type(part).__name__}.jumps", part.jumps, Kick)
         require_kind("Scenario.command", self.command, Command)
         require_choice("stance side", self.stance_side, SIDES)
-        self._set(
-            settle_time=require_number("Scenario.settle_time [s]", self.settle_time, 0.0, open_low=True)
-        )
+        times = {"settle_time": self.settle_time}
         if self.duration is not None:
-            self._set(duration=require_number("Scenario.duration [s]", self.duration, 0.0, open_low=True))
+            times["duration"] = self.duration
+        for name, value in times.items():
+            label = f"Scenario.{name} [s]"
+            self._set(**{name: require_number(label, value, 0.0, TIME_MAX, open_low=True)})
         self._set(noise_seed=require_integer("Scenario.noise_seed", self.noise_seed, high=SEED_MAX))
         if not isinstance(self.errors, ModelErrors):
-            raise InvalidValueError(f"Scenario.errors must be ModelErrors, got {self.errors!r}")
+            raise InvalidValueError(f"Scenario.errors must be ModelErrors, got {shown(self.errors)}")
         require_kind("Scenario.physics", self.physics, PhysicsOptions)
         require_choice("sensing", self.sensing, list(SENSING))
         self._set(stride=require_number("Scenario.stride [m]", self.stride, -STRIDE_MAX, STRIDE_MAX))
@@ -229,6 +237,20 @@ class Scenario(JsonRecord):
         times = (*(change.time for change in self.changes[-1:]), *(kick.start for kick in self.jumps))
         return max(times, default=0.0)
 
+    @property
+    def demands(self) -> frozenset[Any]:
+        """What a robot has to be able to take, and may not be: kinds, bodies, names of errors and options."""
+        forces, commands = self.forces, (self.command, *(change.command for change in self.changes))
+        return frozenset(
+            (
+                *map(type, (*self.pushes, *self.kicks, *self.disturbances, *self.errors.terrains)),
+                *((push.body, type(push.law)) for push in forces),
+                *((command.turn != 0.0, command.stand) for command in commands),
+                sum(push.law is not None and push.law.accelerates for push in forces),
+                *self.errors.names, self.errors.delay, *changed_fields(self.physics), self.sensing,
+            )
+        )  # fmt: skip
+
     def side_of_step(self, index: int) -> Side:
         """Stance side of the step with this index; sides alternate."""
         return self.stance_side if index % 2 == 0 else other_side(self.stance_side)
@@ -269,7 +291,7 @@ class Scenario(JsonRecord):
     def _parsed(cls, name: str, value: Any) -> Any:
         if name in _LISTS:
             if not isinstance(value, list):
-                raise InvalidValueError(f"scenario {name} must be a list, got {value!r}")
+                raise InvalidValueError(f"scenario {name} must be a list, got {shown(value)}")
             read = read_disturbance if name == "disturbances" else _LISTS[name].from_dict
             return tuple(read(part) for part in value)
         return object_of(_OBJECTS[name], value) if name in _OBJECTS else value
@@ -279,20 +301,19 @@ class Scenario(JsonRecord):
         return json.dumps(self.to_dict(), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
+def one_of_each(scenarios: Iterable[Scenario]) -> Iterator[Scenario]:
+    """Those scenarios that demand of a robot what none before did: it takes all if it takes these."""
+    met: set[Any] = set()
+    for scenario in scenarios:
+        if not scenario.demands <= met:
+            met |= scenario.demands
+            yield scenario
+
+
 _LISTS: dict[str, Any] = {
     "pushes": Push, "changes": CommandChange, "kicks": Kick, "disturbances": Disturbance
 }  # fmt: skip
 _OBJECTS = {"command": Command, "errors": ModelErrors, "physics": PhysicsOptions, "start": StartOffset}
-
-
-def _all_of(name: str, values: object, kind: type) -> tuple[Any, ...]:
-    """The values of a field of a scenario as a tuple; raises InvalidValueError for one of another kind."""
-    if not isinstance(values, Iterable):
-        raise InvalidValueError(f"Scenario.{name} must be a sequence of {kind.__name__}, got {shown(values)}")
-    checked = tuple(values)
-    if bad := [value for value in checked if not isinstance(value, kind)]:
-        raise InvalidValueError(f"Scenario.{name} must hold {kind.__name__} objects, got {shown(bad[0])}")
-    return checked
 
 
 MASS_STEP = 0.005  # of drawn masses: each has a MuJoCo model of its own
@@ -336,6 +357,8 @@ class Profile:
 
 
 EXACT = Profile("exact")
+# whose legs do not pass through each other
+COLLISIONS = Profile("collisions", ModelErrors(collisions=True))
 HARDWARE = Profile(
     "hardware",
     ModelErrors(
@@ -353,7 +376,9 @@ HARDWARE = Profile(
 )
 # the same, whose mass and trunk are known as well as scales and a balance tell
 WEIGHED = replace(HARDWARE, name="weighed", mass_within=0.02, trunk_com_within=0.01)
-PROFILES: Mapping[str, Profile] = MappingProxyType({one.name: one for one in (EXACT, HARDWARE, WEIGHED)})
+PROFILES: Mapping[str, Profile] = MappingProxyType(
+    {one.name: one for one in (EXACT, COLLISIONS, HARDWARE, WEIGHED)}
+)
 
 
 @dataclass(frozen=True)
@@ -385,7 +410,7 @@ def get_profiles(names: str | Sequence[str]) -> Profile | Profiles:
         UnknownNameError: there is no such profile; lists the valid ones.
         InvalidValueError: no name at all.
     """
-    names = (names,) if isinstance(names, str) else tuple(names)
+    names = tuple(names) if isinstance(names, Iterable) and not isinstance(names, str) else (names,)
     if not names:
         raise InvalidValueError("profile must be at least one name")
     found = tuple(get_profile(name) for name in names)

@@ -99,7 +99,7 @@ class Terrain(JsonRecord, ABC):
         return {"kind": self.json_name} | super().to_dict()
 
 
-TERRAINS: Kinds[Terrain] = Kinds("terrain")
+TERRAINS: Kinds[Terrain] = Kinds("terrain", Terrain)
 register_terrain = TERRAINS.register
 
 

@@ -26,11 +26,11 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
     "compare": (".score", "Compare",
                 "Compare two policies on the same pushes: exact McNemar test and score interval."),
     "frontier": (".score", "Frontier",
-                 "Find the largest push in each direction that 0.8 of replicas recover from: on a left "
-                 "stance after four nominal steps, at any phase, with another start and noise each."),
+                 "Find the largest push in each direction from which 0.8 of the replicas recover "
+                 "(docs/evaluation.md#frontier)."),
     "basin": (".score", "Basin",
-              "Map from which DCM how many steps bring a robot to where it need not step, beside theory: the "
-              "N-step capture basin."),
+              "Map the N-step capture basin: how many steps a robot needs from each DCM, measured and by "
+              "theory."),
     "sensitivity": (".score", "Sensitivity",
                     "Run a sample of a suite under other solvers, time steps, contacts, losses and "
                     "delays: what its outcomes depend on."),
@@ -44,7 +44,7 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
                   "pictures."),
     "tune": (".tools", "Tune",
              "Search the settings of planner and robot by CMA-ES, on pushes of their own. The best becomes "
-             "DIR/preset.json; a stopped search goes on, also with more trials."),
+             "DIR/preset.json; a stopped search can be resumed, with more trials too."),
     "bench": (".tools", "Bench",
               "Time the physics, the planner and the closed loop on this machine, beside Humanoid-v5 and "
               "other solvers."),
@@ -73,7 +73,7 @@ COMMANDS = {  # module, class and what it does; a module is loaded when its comm
     "dataset": (".tools", "DatasetCommand",
                 "Write what policies do on a suite as Minari data sets, for learners from data."),
     "train": ("...training.cli", "Train",
-              "Train with PPO of Stable-Baselines3: a residual on the planner, or from scratch."),
+              "Train by PPO: a correction of the planner, or a policy that acts alone."),
     "policies": ("...training.cli", "Policies",
                  "Train the policies that come with the package again, each by its recipe."),
 }  # fmt: skip

@@ -25,8 +25,9 @@ from ..rollout import DEFAULT_ENV, REPLICAS, SUITE_NAMES, default_workers
 SUITES_TEXT = f"Suite of pushes: {', '.join(SUITE_NAMES)}, or a JSON file."
 POLICIES_TEXT = "Policies to run: names (see list), policy files, or MODULE:ATTRIBUTE."
 PROFILE_TEXT = (
-    "How real the robot is: exact, as the planner takes it to be; hardware, with its own sensors, losses, "
-    "delay and collisions; or weighed, the same with masses known to 2 % (docs/scenarios.md)."
+    "How real the robot is: exact, as the planner takes it to be; collisions, the same with legs, arms and "
+    "trunk that collide; hardware, with its own sensors, losses and delay, too; or weighed, the same with "
+    "masses known to 2 % (docs/scenarios.md)."
 )
 ERRORS_TEXT = (
     "How robot and floor differ from what the planner believes, in every scenario, such as "

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -102,14 +103,16 @@ class Evaluate(SuiteOptions):
         Each profile has a directory of its own, below DIR where there are several.
         """
         from ..ceiling import with_ceiling
-        from ..rollout.environments import check_can_begin
+        from ..rollout.policy_source import policy_sources
+        from ..rollout.workers import Runner
         from ..score import evaluate, report
 
         self.check_film()
         suites = {name: self.pushes_under(name) for name in self.profile}  # unknown ones fail here
         policies, several = self.trusted(self.policies), len(suites) > 1
         if several:  # so that no profile is scored in vain
-            check_can_begin(self.env_id, [suite.scenarios[0] for suite in suites.values()])
+            with closing(Runner(self.env_id, policy_sources(policies))) as runner:
+                runner.check_can_begin(one for suite in suites.values() for one in suite.scenarios)
         found, objects, lines, table = {}, {}, [], None
         for name, suite in suites.items():
             place = self.directory / name if several and self.directory else self.directory
@@ -158,7 +161,7 @@ class Frontier(EnvOptions, options.PushOptions, RunningOptions):
 
     policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE", aliases=("--policy",))] = ("two-stage",)
     """Policies in one picture: names (see list), policy files, or MODULE:ATTRIBUTE."""
-    directions: Count = field(default=16, metadata=within(1))
+    directions: Count = field(default=16, metadata=within(1, 3600))
     """Number of directions, evenly spread, counter-clockwise from forward."""
     grid: options.RealOrNone = field(default=None, metadata=within(1, 1000))
     """Least step between the forces that are tried [N] (by default 40 for 60 kg and as much less for less;
@@ -332,7 +335,7 @@ class Reproduce(RunningOptions):
 
     section: Positional[Literal["all", "scenario-1", "scenario-2", "ablations", "limits"]] = "all"
     """Part of the paper that is measured again."""
-    directions: Count = field(default=36, metadata=within(1))
+    directions: Count = field(default=36, metadata=within(1, 3600))
     """Number of directions of scenario 2, and of the limits up to 12, evenly spread, counter-clockwise
     from forward."""
     page: Annotated[str | None, arg(metavar="FILE.md", help_behavior_hint="")] = None

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
@@ -110,8 +111,9 @@ class Submit(options.WorkerOptions):
         board = Path(self.board)
         submission = leaderboard.read_submission(Path(self.directory), self.suite, self.trust)
         page = board / leaderboard.PAGE
-        require_place(page)
         with Writer(board):
+            require_place(page)
+            leaderboard.read_board(board)  # refuses what is no entry before anything is run and written
             samples = leaderboard.sample_of(submission, self.sample, self.seed)
             leaderboard.run_again(submission, samples, self.processes, self.trust)
             entries = {
@@ -142,9 +144,10 @@ class RobotCommand(JsonOption):
 
     def run(self) -> None:
         """Guess, derive, write, and print what was guessed."""
+        from ...envs.robots.model_files import model_file
         from ..robot_tools.new_robot import new_robot, save, summary
 
-        name = self.name or Path(self.model).stem
+        name = self.name or model_file(self.model).stem
         if not name.replace("-", "").replace("_", "").isalnum():
             raise InvalidValueError(f"--name has letters, digits, - and _ only, got {name!r:.200}")
         robot = new_robot(self.model, name)
@@ -152,7 +155,7 @@ class RobotCommand(JsonOption):
         about = summary(robot)
         lines = [
             *_guess_lines(about), f"\nRead {paths[0]} and change what is wrong; then",
-            f"  push-recovery evaluate --env {paths[0]} --policies two-stage --suite quick",
+            f"  push-recovery evaluate --env {quote(str(paths[0]))} --policies two-stage --suite quick",
         ]  # fmt: skip
         self.show({**about, "files": [str(path) for path in paths]}, lines=lines)
 
@@ -207,11 +210,17 @@ class PolicyCommand(JsonOption):
 
     def run(self) -> None:
         """Read, write, print; with check: run the controls."""
+        from ..output.rows import require_place
         from ..rollout.contract import changes_of, read_contract
 
+        if self.out is not None and Path(self.out).suffix not in (".yaml", ".yml"):
+            raise InvalidValueError(
+                f"--out must end in .yaml or .yml to be taken as a policy, got {self.out!r}"
+            )
         contract = read_contract(self.file, changes_of(self.set or ()))
         lines = [f"note: {note}" for note in contract.notes]
         if self.out is not None:
+            require_place(Path(self.out))
             contract.write(Path(self.out))
             lines.append(f"contract: {self.out}")
         if self.action == "inspect":

@@ -91,6 +91,7 @@ class Curves(options.Options):
 
     def run(self) -> None:
         """Draw, and print the last point of each."""
+        from ..output.rows import require_place
         from ..record.plot import learning_curve, save_learning_curves
         from ..rollout.load_policy import shipped_names
 
@@ -102,11 +103,11 @@ class Curves(options.Options):
         if self.ceiling is not None:
             lines.append(("ceiling", self.ceiling))
         directory = FOLDER if self.out is None else Path(self.out)
-        directory.mkdir(parents=True, exist_ok=True)
+        named = "" if self.policies == ("",) else f"-{stem_or_hash(names, ' '.join(names))}"
+        require_place(directory / f"curves{named}.png")
         for curve in curves:
             first, last, steps = curve.recovered[0], curve.recovered[-1], curve.timesteps[-1]
             print(f"{curve.name}, {curve.profile}: {first:.3f} -> {last:.3f} after {steps} actions")
-        named = "" if self.policies == ("",) else f"-{stem_or_hash(names, ' '.join(names))}"
         for path in save_learning_curves(curves, lines, directory, f"curves{named}"):
             print(path)
 

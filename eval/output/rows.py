@@ -10,7 +10,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import IO, Any, Self
@@ -155,9 +155,9 @@ def read_content(path: Path, what: str = "") -> bytes:
     """The content of a file of a kind; raises InvalidValueError where it can't be read."""
     try:
         return read_file(path)
-    except OSError as error:
-        name = f"{what} {str(path)!r}".lstrip()
-        raise InvalidValueError(f"cannot read {name}: {error.strerror or error}") from error
+    except (OSError, ValueError) as error:  # which a name with a null is
+        name, reason = f"{what} {str(path)!r}".lstrip(), getattr(error, "strerror", None) or error
+        raise InvalidValueError(f"cannot read {name}: {reason}") from error
 
 
 def read_json(path: Path, what: str = "") -> Any:
@@ -179,7 +179,8 @@ class RowFile:
     """Rows of JSON, one a line, appended as they finish; a second run goes on where the first stopped.
 
     `config.json` beside the rows says what they belong to; a directory of another configuration is refused,
-    and so is one to which another run is writing. A last line torn by a kill is dropped. A context manager.
+    and so is one to which another run is writing. A last line torn by a kill is dropped. A context manager,
+    which leaves nothing of a run that began here and failed before its first row.
 
     Args:
         directory: where the two files lie; made if absent.
@@ -203,6 +204,8 @@ class RowFile:
         self.directory = directory
         self.path = directory / "outcomes.jsonl"
         self.key, self._fields = key, fields
+        self._lines: dict[tuple[Any, ...], int] = {}  # of the rows that were read, counted from 1
+        self._begun: tuple[Path, ...] = ()  # files of a run that begins here
         self._file: IO[bytes] | None = None
         self._writer = Writer(directory)
         try:
@@ -228,6 +231,7 @@ class RowFile:
         self.rows = self._read()
         if not known:
             write_text(path, json.dumps(config, indent=1, sort_keys=True) + "\n")
+            self._begun = path, self.path
 
     def _read(self) -> dict[tuple[Any, ...], dict[str, Any]]:
         """Rows by key; cuts off a torn last line."""
@@ -241,12 +245,22 @@ class RowFile:
                 row = parse_json("it", line)
                 if lacks := [name for name in (*self.key, *self._fields) if name not in row]:
                     raise ValueError(f"it lacks {', '.join(lacks)}")
-                rows.setdefault(tuple(row[name] for name in self.key), row)
+                key = tuple(row[name] for name in self.key)
+                rows.setdefault(key, row)
+                self._lines.setdefault(key, number)
             except (ValueError, KeyError, TypeError) as error:
                 raise InvalidValueError(f"{str(self.path)!r} line {number} is no outcome: {error}") from error
         if len(whole) < len(content):
             os.truncate(self.path, len(whole))
         return rows
+
+    def check_rows(self, check: Callable[[dict[str, Any]], object]) -> None:
+        """Refuse rows that were read and that a check refuses; the error names the line."""
+        for key, number in self._lines.items():
+            try:
+                check(self.rows[key])
+            except InvalidValueError as error:
+                raise InvalidValueError(f"{str(self.path)!r} line {number} is no outcome: {error}") from error
 
     def check_policies(self, digests: Mapping[str, str | None]) -> None:
         """Refuse rows of a policy file whose content has changed since; `digests` by policy."""
@@ -302,7 +316,11 @@ class RowFile:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is not None and not self.rows:
+            with contextlib.suppress(OSError):
+                for one in self._begun:
+                    one.unlink(missing_ok=True)
         self.close()
 
 

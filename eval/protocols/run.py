@@ -155,7 +155,7 @@ def run_protocol(
         PushRecoveryError: as `evaluate`, or the robot is no biped.
     """
     sources = policy_sources(policies)
-    sizes = chunk_sizes(env_id, sources)
+    sizes = chunk_sizes(env_id, sources, protocol.scenarios, Watched(WATCHERS[protocol.watcher]()))
     config = {"format": FORMAT, "protocol": protocol.summary(), "env": env_id, "code": code_digest()}
     config |= preset_digest(env_id)
     label = f"{protocol.name}-{protocol.form}-{env_label(env_id)}"

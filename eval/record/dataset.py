@@ -14,7 +14,7 @@ import shutil
 import tempfile
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,12 +22,13 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from ...controllers.errors import InvalidValueError, MissingExtraError
+from ...controllers.errors import InvalidValueError, MissingExtraError, shown
 from ...controllers.policies.interface import Policy, action_and_state
 from ...envs.scenario.scenario import Scenario
 from .. import ceiling
 from ..hindsight import CEILING
 from ..output.progress import Bars
+from ..output.rows import require_place
 from ..rollout import DEFAULT_ENV, environments
 from ..rollout.episodes import Ints, Observer, Slots, batch_episodes, plans_batches, rollout, run_episodes
 from ..rollout.outcome import Outcome
@@ -158,29 +159,44 @@ def write_datasets(
 
     Raises:
         MissingExtraError: Minari is not installed.
-        InvalidValueError: there are no stored answers to the suite, or another data set has the name.
+        PushRecoveryError: before any policy is run: unknown names, a policy that can't act, no stored answers
+            to the suite, a place that can't be written to, or another data set or a damaged one of the name.
     """
     try:
         import minari  # noqa: F401
     except ImportError:
         raise MissingExtraError("minari", "data") from None
-    found, folder = [], _root(root)
-    for label, source in policy_sources(policies).items():
-        scenarios, policy = suite.scenarios, source.origin
-        if policy == CEILING:
-            scenarios, policy = _answered(suite, env_id)
-        with acting_in(env_id, policy, label) as (env, acting, _):
+    found, folder = dict[str, DataSet](), _root(root)
+    asked: dict[str, tuple[gym.Env, Policy, tuple[Scenario, ...], dict[str, str]]] = {}
+    with ExitStack() as stack:
+        for label, source in policy_sources(policies).items():
+            scenarios, policy = suite.scenarios, source.origin
+            if policy == CEILING:
+                scenarios, policy = _answered(suite, env_id)
+            env, acting, _ = stack.enter_context(acting_in(env_id, policy, label))
             made_of = {
                 "suite": suite.name, "suite_sha256": suite.sha256, "policy": label, "env_id": env_id,
                 "policy_sha256": source.digest() or "", "code_sha256": environments.code_digest(),
                 **environments.preset_digest(env_id),
             }  # fmt: skip
             name = dataset_id(suite.name, env, label)
-            if not (folder / name).exists():
+            if name in asked:
+                raise InvalidValueError(
+                    f"policies {asked[name][3]['policy']!r} and {label!r} would have one data set, {name!r}: "
+                    "write them apart, or rename a file"
+                )
+            asked[name] = env, acting, scenarios, made_of
+            place = folder / name
+            if place.exists():
+                found[name] = _read(folder, name, made_of)
+            else:  # its folders are made once there is a data set
+                require_place(next(one for one in place.parents if one.exists()) / place.name)
+        for name, (env, acting, scenarios, made_of) in asked.items():
+            if name not in found:
                 _write(env, acting, scenarios, made_of, folder, name, threads, bars)
-            found.append(_read(folder, name, made_of))
-            bars.set(label, len(scenarios))
-    return found
+                found[name] = _read(folder, name, made_of)
+            bars.set(made_of["policy"], len(scenarios))
+    return [found[name] for name in asked]
 
 
 def _answered(suite: Suite, env_id: str) -> tuple[tuple[Scenario, ...], Policy]:
@@ -215,20 +231,23 @@ def _minari_in(folder: Path) -> Iterator[None]:
 
 
 def _read(root: Path, name: str, made_of: dict[str, str]) -> DataSet:
-    """The data set of a name; raises InvalidValueError where it is made of something else."""
+    """The data set of a name; raises InvalidValueError where it is damaged or made of something else."""
     import minari
 
-    place = root / name
-    with _minari_in(root):
-        there: Any = minari.load_dataset(name)
-    known = there.storage.metadata
-    if other := [key for key, value in made_of.items() if known.get(key) != value]:
-        raise InvalidValueError(
-            f"{str(place)!r} is a data set of another {other[0]}: delete it, or choose another --out"
-        )
-    told = there.storage.get_episode_metadata(there.episode_indices)
-    recovered = sum(bool(one["recovered"]) for one in told)
-    return DataSet(name, place, there.total_episodes, there.total_steps, recovered)
+    place, advice = root / name, "delete it, or choose another --out"
+    try:
+        with _minari_in(root):
+            there: Any = minari.load_dataset(name)
+        known = there.storage.metadata
+        if other := [key for key, value in made_of.items() if known.get(key) != value]:
+            raise InvalidValueError(f"{str(place)!r} is a data set of another {other[0]}: {advice}")
+        told = there.storage.get_episode_metadata(there.episode_indices)
+        recovered = sum(bool(one["recovered"]) for one in told)
+        return DataSet(name, place, there.total_episodes, there.total_steps, recovered)
+    except InvalidValueError:
+        raise
+    except Exception as error:  # of Minari, HDF5 or JSON, which don't tell the kind beforehand
+        raise InvalidValueError(f"{str(place)!r} is no whole data set ({shown(error)}): {advice}") from error
 
 
 def _write(

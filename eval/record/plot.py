@@ -12,6 +12,7 @@ import numpy as np
 from ...controllers.errors import InvalidValueError
 from ...controllers.files import write_atomically
 from ...controllers.policies.learned import policy_paths
+from ...controllers.validation import require_integer, require_number
 from ..output.statistics import wilson_interval
 from ..rollout.load_policy import named_file, training_note
 from . import style
@@ -143,6 +144,7 @@ def _limits(axes: Any, record: EpisodeRecord, met: list[str]) -> None:
 
 MILLION = 1e6
 BELOW = 0.05  # the curves
+MOST = 10**9  # pushes of a point
 
 
 @dataclass(frozen=True)
@@ -170,11 +172,13 @@ def learning_curve(policy: str) -> LearningCurve:
         return LearningCurve(
             policy,
             profile if isinstance(profile, str) else " and ".join(profile),
-            tuple(int(point["timesteps"]) for point in points),
-            tuple(float(point["recovered"]) for point in points),
-            int(points[0]["scenarios"]),
+            tuple(int(require_number("timesteps", point["timesteps"], 0.0)) for point in points),
+            tuple(require_number("recovered", point["recovered"], 0.0, 1.0) for point in points),
+            require_integer("scenarios", points[0]["scenarios"], 1, MOST),
             tuple(dict.fromkeys(training["settings"].get("like", ()))),
         )
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{path} does not tell how its policy learned: {error}") from None
     except (KeyError, TypeError, ValueError, IndexError):
         raise InvalidValueError(f"{path} does not tell how its policy learned") from None
 

@@ -278,7 +278,7 @@ def record(
         scenario: what happens.
         env: one of this project's environments, or its id.
         policy_name: of the outcome; by default the name, or the object's class.
-        profile: of the robot, "exact", "hardware" or "weighed"; what the scenario says itself stands.
+        profile: of the robot, a name of `PROFILES`; what the scenario says itself stands.
 
     Returns:
         Columns by name with their units, such as `record["dcm_y"]` [m], and the outcome that `rollout` gives.

@@ -127,7 +127,7 @@ def guess_plan(skeleton: Skeleton) -> tuple[BodyPlan, Angles]:
                     f"joint {name!r} of {skeleton.name!r} is a {KINDS[kind]} that moves "
                     f"{masses[model.jnt_bodyid[joint]]:.3g} kg: control knows hinges alone"
                 )
-            (fixed if light else held).append((name, round(angle, 6)))
+            (fixed if light else held).append((name, round(angle, 6) + 0.0))  # no -0
     plan = make_plan(
         str(model.body(skeleton.root).name),
         str(model.body(trunk).name),
@@ -208,7 +208,12 @@ def find_waist(skeleton: Skeleton, legs: set[int]) -> tuple[tuple[int | None, in
 
 def _bears(skeleton: Skeleton, body: int, parts: set[int]) -> bool:
     """Whether any of some bodies hangs from a body, or is it."""
-    return body in parts or any(_bears(skeleton, part, parts) for part in skeleton.children(body))
+    for part in parts:
+        while part > body:  # a parent has the smaller number
+            part = int(skeleton.model.body_parentid[part])
+        if part == body:
+            return True
+    return False
 
 
 def _bend(skeleton: Skeleton, leg: Chain) -> tuple[float, ...]:
@@ -222,7 +227,7 @@ def _bend(skeleton: Skeleton, leg: Chain) -> tuple[float, ...]:
     for part in (leg[:3], leg[4:]):
         pitch = max(part, key=lambda joint: abs(axes[joint] @ axes[knee]))
         angles[leg.index(pitch)] = -0.5 * bent * np.sign(axes[pitch] @ axes[knee])
-    return tuple(angles.tolist())
+    return tuple((angles + 0.0).tolist())  # no -0
 
 
 LOW = 0.012  # points up to this high over the lowest one belong to the sole [m]
@@ -235,21 +240,38 @@ SLANTING = 0.9  # area of a turned rectangle over that of the one straight ahead
 CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 RIM = 24  # points of a disc that stand for it
 Array = NDArray[np.float64]
-UP, FORWARD = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+UP, FORWARD, CORNER = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]), np.zeros((3, 3))
 
 
 class Parts(NamedTuple):
-    """Balls, discs and corners whose hull the shapes of a foot are, n in world axes [m]."""
+    """Ellipsoids, balls, discs and corners whose hull the shapes of a foot are, n in world axes [m]."""
 
     centres: Array  # (n, 3)
-    radii: Array  # (n,), 0 of a corner
-    axes: Array  # (n, 3) normal of a disc; 0 of a ball
-    outline: Array  # (n,) share of the radius that belongs to the sole: none of a ball that is a whole shape
+    halves: Array  # (n, 3, 3) symmetric, M: the part is M b about its centre, |b| <= 1; 0 of a corner
+    axes: Array  # (n, 3) normal of a disc; 0 of another part
+    outline: Array  # (n,) share of its reach that belongs to the sole: none of a part that is a whole shape
+    ways: Array  # (n, 3) to the other end of a capsule; 0 of another part
 
     def reach(self, direction: Array) -> Array:
-        """How far each part goes beyond its centre (n,) [m]: r sqrt(1 - (a . u)^2)."""
-        across = 1.0 - (self.axes @ direction) ** 2
-        return self.radii * np.sqrt(np.maximum(across, 0.0))
+        """How far each part goes beyond its centre (n,) [m]: |M u|."""
+        return np.linalg.norm(self.halves @ direction, axis=1)
+
+    def touching(self, normal: Array) -> Array:
+        """Lowest point of each part along a normal, (n, 3) [m]: M M u / |M u| below its centre."""
+        reach = self.reach(normal)
+        below = np.einsum("nij,nj->ni", self.halves, self.halves @ normal)
+        return self.centres - below / np.where(reach > 0.0, reach, 1.0)[:, None]
+
+    def resting(self, normal: Array) -> "Parts":
+        """Parts on the plane that touches them from below; without an outline only the points that touch.
+
+        A capsule has none where it stands on one end.
+        """
+        heights = self.heights(normal)
+        low = heights.min() + LOW
+        outline = self.outline * (heights + self.ways @ normal < low)
+        centres = np.where(outline[:, None] > 0.0, self.centres, self.touching(normal))
+        return Parts(*(part[heights < low] for part in self._replace(centres=centres, outline=outline)))
 
     def heights(self, normal: Array) -> Array:
         """Lowest point of each part along a normal (n,) [m]."""
@@ -261,18 +283,15 @@ class Parts(NamedTuple):
         return float((middle - more).min()), float((middle + more).max())
 
     def points(self, normal: Array) -> Array:
-        """Points that a plane with this normal can touch from below, (m, 3) [m]."""
-        discs = self.axes.any(axis=1)
-        balls = self.centres[~discs] - self.radii[~discs, None] * normal
-        rims, angles = [balls], np.linspace(0.0, 2.0 * np.pi, RIM, endpoint=False)
-        for centre, radius, axis in zip(
-            self.centres[discs], self.radii[discs], self.axes[discs], strict=True
+        """What a plane with this normal can touch from below, (m, 3) [m]: rims of discs that face it."""
+        faces = np.abs(self.axes @ normal) > UPWARD
+        found, angles = [self.touching(normal)[~faces]], np.linspace(0.0, 2.0 * np.pi, RIM, endpoint=False)
+        for centre, halves, axis in zip(
+            self.centres[faces], self.halves[faces], self.axes[faces], strict=True
         ):
-            first, second = np.linalg.svd(axis[None])[2][1:]
-            rims.append(
-                centre + radius * (np.outer(np.cos(angles), first) + np.outer(np.sin(angles), second))
-            )
-        return np.concatenate(rims)
+            across = np.linalg.svd(axis[None])[2][1:]
+            found.append(centre + np.column_stack([np.cos(angles), np.sin(angles)]) @ across @ halves)
+        return np.concatenate(found)
 
 
 def guess_soles(place: str, joints: tuple[str, str]) -> tuple[Sole, Sole]:
@@ -299,16 +318,19 @@ def guess_soles(place: str, joints: tuple[str, str]) -> tuple[Sole, Sole]:
     names = [str(model.body(foot).name) for foot in feet]
     places = [data.xpos[foot] + data.xmat[foot].reshape(3, 3) @ sole.centre
               for foot, sole in zip(feet, (left, right), strict=True)]  # fmt: skip
-    _check_soles(names, (left, right), np.array(places), np.array(ankles))
+    _check_soles(str(model.body(root).name), names, (left, right), np.array(places), np.array(ankles))
     return left, right
 
 
-def _check_soles(names: list[str], soles: tuple[Sole, Sole], places: Array, ankles: Array) -> None:
+def _check_soles(root: str, names: list[str], soles: tuple[Sole, Sole], places: Array, ankles: Array) -> None:
     """Raise InvalidValueError where two guesses, their places and ankles (2, 3) [m], cannot be soles."""
     for name, sole, place, ankle in zip(names, soles, places, ankles, strict=True):
         least, most, size = NARROW * -place[2], WIDE * -place[2], " x ".join(f"{one:g}" for one in sole.size)
         if not (place[2] < 0.0 and place[2] < ankle[2]):
-            raise InvalidValueError(f"the shapes of foot {name!r} are not below its ankle and the pelvis")
+            raise InvalidValueError(
+                f"the shapes of foot {name!r} are not below its ankle and {root!r}, the robot's root, which "
+                "must be its pelvis"
+            )
         if not all(least <= one <= most for one in sole.size):
             raise InvalidValueError(
                 f"the shapes of foot {name!r} would make a sole of {size} m; it must be {least:.2g} to "
@@ -341,18 +363,18 @@ def _sole(model: mujoco.MjModel, data: mujoco.MjData, foot: int, paired: set[str
             f"the shapes of foot {name!r} would make a sole that leans by {np.arccos(normal[2]):.2g} rad, "
             f"all joints at 0; it must lean by less than {np.arccos(UPWARD):.2g}"
         )
-    heights = parts.heights(normal)
-    low = Parts(*(part[heights < heights.min() + LOW] for part in parts))
+    low, height = parts.resting(normal), parts.heights(normal).min()
     x, y = sole_axes(low, normal)
     (back, front), (right, left) = low.extent(x), low.extent(y)
-    centre = 0.5 * (back + front) * x + 0.5 * (right + left) * y + heights.min() * normal
+    centre = 0.5 * (back + front) * x + 0.5 * (right + left) * y + height * normal
     own, axes = np.empty(4), np.column_stack([x, y, normal])
     mujoco.mju_mat2Quat(own, axes.ravel())
     turn = product(conjugate(data.xquat[foot]), own if (axes != np.eye(3)).any() else np.array(STRAIGHT))
     inside = data.xmat[foot].reshape(3, 3).T @ (centre - data.xpos[foot])
     turn = np.array(STRAIGHT) if np.linalg.norm(turn[1:]) < LEVEL else np.round(turn, 12)
     size = np.round([front - back, left - right], 4)
-    return Sole(tuple(np.round(inside, 6).tolist()), tuple(size.tolist()), tuple(turn.tolist()))
+    centre, turn = np.round(inside, 6) + 0.0, turn + 0.0  # no -0
+    return Sole(tuple(centre.tolist()), tuple(size.tolist()), tuple(turn.tolist()))
 
 
 def sole_normal(parts: Parts) -> Array:
@@ -388,7 +410,10 @@ def _face_below(points: Array) -> Array:
 
 
 def sole_axes(parts: Parts, normal: Array) -> tuple[Array, Array]:
-    """Axes of a sole's rectangle: straight ahead, or along an edge where that one is much smaller."""
+    """Axes of a sole's rectangle: straight ahead, or along an edge where that one is much smaller.
+
+    An edge is one of the hull of the parts' centres, or the line on which these lie.
+    """
     if normal is UP:
         straight = FORWARD
     else:
@@ -407,7 +432,8 @@ def sole_axes(parts: Parts, normal: Array) -> tuple[Array, Array]:
     try:
         corners = flat[ConvexHull(flat).vertices]
     except (QhullError, ValueError):
-        return straight, aside
+        end = flat[np.linalg.norm(flat - flat[0], axis=1).argmax()]
+        corners = np.array([end, flat[np.linalg.norm(flat - end, axis=1).argmax()]])
     edges = np.roll(corners, -1, axis=0) - corners
     angles = np.arctan2(edges[:, 1], edges[:, 0])
     angles = (angles + 0.25 * np.pi) % (0.5 * np.pi) - 0.25 * np.pi  # of the side next to straight ahead
@@ -434,25 +460,25 @@ def _parts(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Parts:
     place, axes = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)
     ends = place + np.array([[-1.0], [1.0]]) * size[1] * axes[:, 2]
     if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-        return _balls(ends, size[0], 1.0)
+        return _alike(ends, size[0] * np.eye(3), 1.0)._replace(ways=ends[::-1] - ends)
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        return _balls(ends, size[0], 1.0)._replace(axes=np.tile(axes[:, 2], (2, 1)))
+        disc = size[0] * (np.eye(3) - np.outer(axes[:, 2], axes[:, 2]))
+        return _alike(ends, disc, 1.0)._replace(axes=np.tile(axes[:, 2], (2, 1)))
     if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-        return _balls(place[None], size[0], 0.0)
+        return _alike(place[None], size[0] * np.eye(3))
+    if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+        return _alike(place[None], axes @ np.diag(size) @ axes.T)
     if kind == mujoco.mjtGeom.mjGEOM_BOX:
-        return _balls(place + (CORNERS * size) @ axes.T, 0.0, 0.0)
+        return _alike(place + (CORNERS * size) @ axes.T)
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         mesh = int(model.geom_dataid[geom])
         first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-        return _balls(place + model.mesh_vert[first : first + count] @ axes.T, 0.0, 0.0)
-    if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-        below = axes @ (size**2 * axes[2]) / np.linalg.norm(size * axes[2])  # x that maximises x . z
-        return _balls((place - below)[None], 0.0, 0.0)
+        return _alike(place + model.mesh_vert[first : first + count] @ axes.T)
     name, shape = str(model.body(model.geom_bodyid[geom]).name), kind.name.removeprefix("mjGEOM_").lower()
     raise InvalidValueError(f"foot {name!r} has a shape that no sole is guessed from, a {shape}")
 
 
-def _balls(centres: Array, radius: float, outline: float) -> Parts:
-    """Balls of one radius; corners where it is 0."""
+def _alike(centres: Array, halves: Array = CORNER, outline: float = 0.0) -> Parts:
+    """Parts of one form."""
     n = len(centres)
-    return Parts(centres, np.full(n, radius), np.zeros((n, 3)), np.full(n, outline))
+    return Parts(centres, np.tile(halves, (n, 1, 1)), np.zeros((n, 3)), np.full(n, outline), np.zeros((n, 3)))

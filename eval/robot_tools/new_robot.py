@@ -26,7 +26,8 @@ from ...envs.robots.description import RobotDescription
 from ...envs.robots.indices import entry
 from ...envs.robots.model_files import PACKAGES
 from ...envs.robots.robot_file import Motor, RobotFile, write_robot_file
-from ...envs.robots.source_model import SourceModel
+from ...envs.robots.source_model import VISUAL, SourceModel, add_shapes
+from ..output.rows import require_place
 from .guess import guess_plan, guess_soles, read_skeleton
 
 BASE = "biped"  # the preset that is scaled
@@ -37,6 +38,7 @@ LEAST_RATIO = 1.2  # of the longest to the shortest step time
 BENT = 0.875  # length of a standing leg over that of a straight one, the biped's
 LOWERED = 0.24  # of its height the CoM may sink for a long step, the biped's
 FINE = 0.005  # of a height and of a step that are searched [m]
+TALLEST = 10.0  # height of a CoM over the soles of straight legs [m]
 FARTHEST = 1.0  # step that is looked for [m]
 DIGITS = 13  # that are told of a number
 PUSH = 0.1  # of F* [s]
@@ -147,6 +149,11 @@ def standing_height(description: RobotDescription) -> float:
     leg, stood = leg_length(body), list[float]()
     mujoco.mj_comPos(body.model, data)
     straight = data.subtree_com[0, 2] - data.site_xpos[body.indices.soles[0], 2]
+    if straight > TALLEST:
+        raise InvalidValueError(
+            f"the CoM of robot {description.name!r} is {straight:.3g} m over its soles, it must be at most "
+            f"{TALLEST:g} m: is its model in millimetres?"
+        )
     for height in np.arange(straight, 0.6 * straight, -FINE):
         coordinates = _stands(body, height, (0.0, body.robot.pelvis_width))
         if coordinates is None and stood:
@@ -233,12 +240,14 @@ def new_robot(model: str, name: str) -> NewRobot:
         name: of the robot.
 
     Raises:
-        InvalidValueError: no two legs, no feet, or no posture to stand in; joints without a largest torque.
+        InvalidValueError: no two legs, no feet, or no posture to stand in; joints without a largest torque;
+            meshes or textures that are not there.
     """
     model = model if model.partition("/")[0] in PACKAGES else str(Path(model).absolute())
     skeleton = read_skeleton(model)
     plan, fixed = guess_plan(skeleton)
     soles = guess_soles(model, (plan.legs[0][-1], plan.legs[1][-1]))
+    add_shapes(skeleton.source.rewritten(), skeleton.source, VISUAL)  # it reads meshes and textures
     file = RobotFile(
         name, model, plan, soles, _motors(skeleton.source, [joint for joint, _ in fixed]), fixed,
         PROVISIONAL, "biped", "guessed by push-recovery robot new; no motor has a speed without load",
@@ -276,8 +285,14 @@ def told(robot: RobotModel) -> dict[str, Any]:
 
 
 def save(robot: NewRobot, out: Path) -> tuple[Path, Path]:
-    """Write NAME.robot.json and NAME.preset.json into a folder; returns both."""
+    """Write NAME.robot.json and NAME.preset.json into a folder; returns both.
+
+    Raises:
+        InvalidValueError: one of them cannot be written there.
+    """
     paths = out / f"{robot.file.name}.robot.json", out / f"{robot.file.name}.preset.json"
+    for path in paths:
+        require_place(path)
     robot.preset.save(paths[1])
     write_robot_file(paths[0], robot.file, paths[1].name)
     return paths

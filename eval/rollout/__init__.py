@@ -6,7 +6,6 @@ from ...controllers.settings import ARMS, ON_REQUEST
 
 NAMESPACE = "PushRecovery/"
 DEFAULT_ENV = "PushRecovery/Biped-v0"
-ANALYTIC_ARMS = tuple(ARMS)
 TABLE_ARMS = tuple(name for name in ARMS if name not in ON_REQUEST)
 SUITE_NAMES = (  # of `score.suites.SUITES`
     "quick", "standard", "hard", "varied", "hardware", "standing", "disturbances", "terrain", "terrain-blind",

@@ -29,7 +29,14 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from ...controllers.errors import InvalidValueError, MissingExtraError, PushRecoveryError, UnknownNameError
+from ...controllers.errors import (
+    InvalidValueError,
+    MissingExtraError,
+    PushRecoveryError,
+    UnknownNameError,
+    is_finite_number,
+    shown,
+)
 from ...controllers.files import read_file, write_text
 from ...envs.biped.period import substeps
 from ...envs.joint.full_body import Servos
@@ -46,6 +53,8 @@ EFFORT, LIMITS = "model.effort_limit", "policy_io.commands.base_velocity.limit"
 G1_MOTORS = 29
 ABSENT = "control.absent"  # joints of the contract that the robot may lack: they count as in the default pose
 NETWORK = "source.network"
+CLIP, UNLISTED = "control.actions.joint_pos.clip", "control.unlisted"
+FIXED = ("schema", NETWORK)  # fields that the file alone has
 OF_EACH_JOINT = (POSE, SCALE, OFFSET, STIFFNESS, DAMPING)
 NEEDED = (RATE, NAMES, f"{GROUP}.terms", *OF_EACH_JOINT)
 
@@ -160,7 +169,7 @@ class PolicyContract:
             UnknownNameError: it lacks one that the contract does not let it lack.
             InvalidValueError: it lacks several: the policy is of another robot.
         """
-        has, may_lack = set(robot), self.get(ABSENT, ())
+        has, may_lack = set(robot), self.get(ABSENT) or ()
         lacking = [name for name in self.joints if name not in has and name not in may_lack]
         if len(lacking) > 1:
             raise InvalidValueError(
@@ -177,7 +186,7 @@ class PolicyContract:
         """The drives that the contract asks of a robot with these joints; other joints keep their angle."""
         joints = self.present(robot)
         effort = self.get(EFFORT)
-        held = self.get("control.unlisted") or {}
+        held = self.get(UNLISTED) or {}
         others = tuple(str(name) for name in held.get("pose", {}) if name in set(robot) - set(joints))
         values = [
             (*self.of_joints(path, joints), *(float(held[key][name]) for name in others))
@@ -222,18 +231,26 @@ def read_contract(name: str, changes: Mapping[str, Any] | None = None) -> Policy
     except PushRecoveryError:
         raise
     except Exception as error:  # of whatever kind the readers of YAML and ONNX raise
-        raise InvalidValueError(f"cannot read the contract of policy {name!r}: {error}") from error
+        plain = {KeyError: f"it lacks {error}", IndexError: "a list in its files has too few entries"}
+        why = plain.get(type(error), error)
+        raise InvalidValueError(f"cannot read the contract of policy {name!r}: {why}") from error
     for key, value in (changes or {}).items():
+        if any(f"{fixed}.".startswith(f"{key}.") or key.startswith(f"{fixed}.") for fixed in FIXED):
+            raise InvalidValueError(
+                f"{key!r} of policy {name!r} is what its files say and takes no other value"
+            )
         try:
             contract.set(key, value, "user", "--set")
         except KeyError as error:
             raise InvalidValueError(f"{key!r} is no field of a contract: {error}") from error
+        except (AttributeError, TypeError) as error:
+            raise InvalidValueError(f"{key!r} is no field of a contract: above it stands a value") from error
     found = PolicyContract(name, contract, network, notes)
     try:
         _check(found)
     except PushRecoveryError:
         raise
-    except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError) as error:
+    except Exception as error:  # of whatever kind a value, or the network that it does not fit, raises
         raise InvalidValueError(
             f"a field of the contract of policy {name!r} has a value of the wrong kind: {error}"
         ) from error
@@ -296,11 +313,7 @@ def _read(path: Path) -> tuple[Any, Path, tuple[str, ...]]:
     """Contract, network and notes of a file, by what the file says that it is."""
     if path.suffix in NETWORKS:
         return _of_network(path)
-    import yaml
-
-    content = yaml.safe_load(read_file(path))
-    if not isinstance(content, dict):
-        raise InvalidValueError(f"{str(path)!r} is no contract: it holds no fields")
+    content = _fields(path)
     if "schema" in content:
         return _of_contract(path, content)
     if "joint_ids_map" in content:
@@ -325,6 +338,18 @@ def _read(path: Path) -> tuple[Any, Path, tuple[str, ...]]:
         f"{str(path)!r} is no contract that is known: it has neither 'schema' (policy inspect --out), nor "
         "'joint_ids_map' (deploy.yaml of unitree_rl_lab), nor 'kps' (configuration of unitree_rl_gym)"
     )
+
+
+def _fields(path: Path) -> dict[str, Any]:
+    """The fields of a file of YAML."""
+    import yaml
+
+    content = yaml.safe_load(read_file(path))
+    if not isinstance(content, dict):
+        raise InvalidValueError(f"{str(path)!r} is no contract: it holds no fields")
+    if isinstance(step := content.get("step_dt"), bool):
+        raise InvalidValueError(f"step_dt of {str(path)!r} must be a time in seconds, got {step}")
+    return content
 
 
 def _noticed(contract: Any, findings: Sequence[Any]) -> tuple[str, ...]:
@@ -374,11 +399,11 @@ def _of_network(path: Path) -> tuple[Any, Path, tuple[str, ...]]:
         )
     metadata = gaitkeeper("policy").OnnxPolicy(path).sess.get_modelmeta().custom_metadata_map
     if "joint_names" in metadata:
-        deploy = [place for place in (path.parent / "deploy.yaml", path.parent / "../params/deploy.yaml")
-                  if place.is_file()]  # fmt: skip
-        contract, findings = gaitkeeper("readers.mjlab_export").read_mjlab_export(
-            path, next(iter(deploy), None)
-        )
+        places = (path.parent / "deploy.yaml", path.parent / "../params/deploy.yaml")
+        deploy = next((place for place in places if place.is_file()), None)
+        if deploy is not None:
+            _fields(deploy)  # raises where it has none
+        contract, findings = gaitkeeper("readers.mjlab_export").read_mjlab_export(path, deploy)
         return contract, path, _noticed(contract, findings)
     if "dof_names" in metadata:
         return _holosoma(path, metadata), path, ()
@@ -462,8 +487,12 @@ def _holosoma(path: Path, metadata: Mapping[str, str]) -> Any:
     return c
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+def _is_range(value: Any) -> bool:
+    """Whether a value is a pair low <= high; an end may be infinite."""
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        return False
+    ends = all(is_finite_number(one) or one in (-math.inf, math.inf) for one in value)
+    return ends and value[0] <= value[1]
 
 
 def _check(found: PolicyContract) -> None:
@@ -483,18 +512,39 @@ def _check(found: PolicyContract) -> None:
     for path, origin in contract.provenance.items():
         if origin.source == "conflicting" and contract.prov(path).source == "conflicting":
             refuse(path, f"is contradictory: {origin.detail}")
+    for path in (NAMES, ABSENT):
+        names = [] if contract.get(path, None) is None else contract.get(path)
+        if not (isinstance(names, list) and all(isinstance(joint, str) for joint in names)):
+            refuse(path, f"must be a list of names, not {shown(names)}")
     joints = contract.get(NAMES)
-    if not (isinstance(joints, Sequence) and all(isinstance(joint, str) for joint in joints)):
-        refuse(NAMES, f"must be a list of names, not {joints!r}")
-    if not (_is_number(contract.get(RATE)) and contract.get(RATE) > 0.0):
-        refuse(RATE, f"must be a time in seconds, not {contract.get(RATE)!r}")
-    for path in OF_EACH_JOINT:
-        values = contract.get(path)
-        lacks = sorted(set(joints) - set(values)) if isinstance(values, Mapping) else list(joints)
+    if twice := [joint for joint in joints if joints.count(joint) > 1]:
+        refuse(NAMES, f"names {twice[0]} twice")
+    if not (is_finite_number(contract.get(RATE)) and contract.get(RATE) > 0.0):
+        refuse(RATE, f"must be a time in seconds, not {shown(contract.get(RATE))}")
+    for path in (EFFORT, LIMITS, UNLISTED):
+        if not isinstance(contract.get(path, None), Mapping | None):
+            refuse(path, f"must have fields, not {shown(contract.get(path))}")
+    unlisted = list(contract.get(f"{UNLISTED}.pose", {}))
+    held = [(f"{UNLISTED}.{key}", unlisted) for key in ("pose", "kp", "kd") if unlisted]
+    for path, names in (*((path, joints) for path in OF_EACH_JOINT), *held):
+        values = contract.get(path, None)
+        lacks = [joint for joint in names if joint not in values] if isinstance(values, Mapping) else names
         if lacks:
-            refuse(path, f"has no number for {', '.join(lacks[:3])}")
-        if wrong := [name for name in joints if not _is_number(values[name])]:
-            refuse(path, f"has no number for {wrong[0]}, but {values[wrong[0]]!r}")
+            refuse(path, f"has no number for {', '.join(sorted(lacks)[:3])}")
+        bound, least = (" >= 0", 0.0) if path.endswith((".kp", ".kd")) else ("", -math.inf)
+        for joint in names:
+            if not (is_finite_number(values[joint]) and values[joint] >= least):
+                refuse(path, f"has no number{bound} for {joint}, but {shown(values[joint])}")
+    for joint, value in (contract.get(EFFORT, None) or {}).items():
+        if not _is_range((0.0, value)):
+            refuse(EFFORT, f"has no number >= 0 for {joint}, but {shown(value)}")
+    for axis, value in (contract.get(LIMITS, None) or {}).items():
+        if not _is_range(value):
+            refuse(LIMITS, f"has no [low, high] for {axis}, but {shown(value)}")
+    clip = contract.get(CLIP, None)
+    each = isinstance(clip, list) and len(clip) == len(joints) and all(map(_is_range, clip))
+    if clip not in (None, []) and not (each or _is_range(clip)):
+        refuse(CLIP, f"must be [low, high], or a list of one for each joint, not {shown(clip)}")
     try:
         substeps(found.rate)
     except InvalidValueError as error:
@@ -512,3 +562,8 @@ def _check(found: PolicyContract) -> None:
             refuse(f"{GROUP}.terms", f"has {size} numbers, the network takes {network.n_in}")
         if network.n_out != len(joints):
             refuse(NAMES, f"has {len(joints)} joints, the network gives {network.n_out} numbers")
+        if not np.isfinite(network.step(np.ones(network.n_in))).all():
+            raise InvalidValueError(
+                f"the network {str(found.network)!r} of policy {name!r} answers an observation of ones with "
+                "numbers that are not finite: its weights are damaged"
+            )

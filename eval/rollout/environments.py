@@ -4,7 +4,6 @@ import hashlib
 import importlib
 import re
 import sys
-from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -14,7 +13,6 @@ from typing import Any, Self
 import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
-from ...controllers.files import read_file
 from ...controllers.model.robot import SAME, Similarity
 from ...controllers.policies.learned import read_policy
 from ...controllers.settings import ARMS, is_preset_file, load_preset
@@ -22,6 +20,7 @@ from ...envs.joint.full_body import driven, joint_names
 from ...envs.robots.compiled_robot import compiled_robot, robot_digest
 from ...envs.robots.description import robot_description
 from ...envs.scenario.scenario import EXACT, Profile, Scenario, get_profile
+from ..output.rows import read_content
 from . import DEFAULT_ENV, NAMESPACE
 from .contract import contract_name, is_contract, read_contract
 from .load_policy import FOLDER, import_from_here, is_policy_file, policy_names, shipped_names, source_of
@@ -214,22 +213,18 @@ def make_env_for(policy: Any, env_id: str, **kwargs: Any) -> gym.Env:
     return own
 
 
-def check_can_begin(env_id: str, scenarios: Iterable[Scenario]) -> None:
-    """Begin each scenario; raises InvalidValueError for one that the environment can't have."""
-    with closing(make_env(env_id)) as env:
-        for scenario in scenarios:
-            env.reset(options={"scenario": scenario})
-
-
 def preset_digest(env_id: str) -> dict[str, str]:
     """SHA-256 of all that a name of an environment stands for besides this package's code.
 
     That is of its preset file, its robot (robot file, model and what that includes, preset file; or the
     compiled model of one made in Python) and the module that registers it; nothing of what it has not.
+
+    Raises:
+        PushRecoveryError: a file can't be read, or the module can't be imported.
     """
     name, found = EnvName.parse(env_id), {}
     if is_preset_file(name.preset):
-        found["preset_sha256"] = hashlib.sha256(read_file(name.preset)).hexdigest()
+        found["preset_sha256"] = hashlib.sha256(read_content(Path(name.preset), "preset file")).hexdigest()
     if name.module:
         found["module_sha256"] = hashlib.sha256(source_of(import_from_here(name.module))).hexdigest()
     if robot := own_robot(name):

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 
-from ...controllers.errors import InvalidValueError, PushRecoveryError
+from ...controllers.errors import InvalidValueError, PushRecoveryError, is_finite_number
 from ...controllers.files import read_file
 from ...controllers.policies.interface import Policy
 from ...controllers.policies.learned import policy_paths
@@ -141,7 +141,7 @@ def search_words(policy: str, trials: Mapping[str, Any]) -> str:
         if is_policy_file(origin):
             note = training_note(policy_paths(origin)[1])
             actions = note.get("timesteps") if isinstance(note, dict) else None
-            if isinstance(actions, int):
+            if is_finite_number(actions):
                 words = f"{actions / 1e6:.1f} M actions" if actions else "imitation"
                 return f"{words}, {met}" if actions and (met := met_words(note)) else words
         elif origin in ARMS and isinstance(count := trials.get(origin), int):

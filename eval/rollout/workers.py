@@ -11,10 +11,19 @@ import gymnasium as gym
 
 from ...controllers.errors import InvalidValueError
 from ...envs.episode.episodes import GaitEpisodes
-from ...envs.scenario.scenario import Scenario
+from ...envs.scenario.scenario import Scenario, one_of_each
 from ..output import processes, rows
 from .environments import code_digest, make_env, own_env, preset_digest
-from .episodes import Observer, Slots, action_rule, batch_episodes, plans_batches, rollout, run_episodes
+from .episodes import (
+    GymRobot,
+    Observer,
+    Slots,
+    action_rule,
+    batch_episodes,
+    plans_batches,
+    rollout,
+    run_episodes,
+)
 from .outcome import Outcome
 from .policy_source import PolicyEnv, Sources, policy_sources
 
@@ -81,6 +90,24 @@ class Runner:
             return (rollout(env, policy, scenario, name, observer) for scenario in scenarios)
         return (outcome for _, outcome in run_episodes(robots, policy, scenarios, name, observer))
 
+    def check_can_begin(self, scenarios: Iterable[Scenario], observer: Observer | None = None) -> None:
+        """Begin one scenario of each kind in every environment that a policy acts in.
+
+        Args:
+            scenarios: that are to be run.
+            observer: that will look on, and may refuse a robot.
+
+        Raises:
+            PushRecoveryError: one that a robot can't have.
+        """
+        scenarios = list(one_of_each(scenarios))
+        for env in dict.fromkeys(self.acting(name).env for name in self._sources):
+            with GymRobot(env) as robot:
+                for scenario in scenarios:
+                    robot.begin(0, scenario)
+                    if observer is not None:
+                        observer.begin(robot, 0, scenario)
+
     def chunk(self, name: str) -> int:
         """How many scenarios are worth a job of this policy."""
         return 1 if self.robots(name) is None else SLOTS
@@ -96,9 +123,15 @@ def run_chunk(runner: Runner, chunk: Chunk) -> list[Outcome]:
     return list(runner.run_all(*chunk))
 
 
-def chunk_sizes(env_id: str, sources: Sources) -> dict[str, int]:
-    """How many scenarios are worth a job of each policy; what can't be made fails here, before any work."""
+def chunk_sizes(
+    env_id: str, sources: Sources, scenarios: Iterable[Scenario] = (), observer: Observer | None = None
+) -> dict[str, int]:
+    """How many scenarios are worth a job of each policy.
+
+    What can't be made or begun fails here, before any work; see `Runner.check_can_begin`.
+    """
     with closing(Runner(env_id, sources)) as runner:
+        runner.check_can_begin(scenarios, observer)
         return {name: runner.chunk(name) for name in sources}
 
 

@@ -14,7 +14,7 @@ from ...envs.scenario.scenario import Scenario
 from ..output.progress import Work, about, progress_bars
 from ..output.statistics import PairedCounts
 from ..rollout import environments, policy_source
-from ..rollout.outcome import Row, Score
+from ..rollout.outcome import Row, Score, check_row
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .suites import Suite
 
@@ -101,12 +101,13 @@ def evaluate(
         PushRecoveryError: unknown names, a directory of another configuration, unreadable files.
     """
     sources = policy_source.policy_sources(policies)
-    sizes = chunk_sizes(env_id, sources)
+    sizes = chunk_sizes(env_id, sources, suite.scenarios)
     config = configuration(suite, env_id)
     label = f"{suite.name}-{environments.env_label(env_id)}"
     store, digests = policy_source.open_rows(label, config, sources, KEY, SCORED, directory, overwrite)
     began = time.perf_counter()
     with store:
+        store.check_rows(check_row)
         missing = {name: [s for s in suite.scenarios if (name, s.id) not in store.rows] for name in sources}
         done = {
             name: [store.rows[name, s.id] for s in suite.scenarios if (name, s.id) in store.rows]

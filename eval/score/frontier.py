@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
 from ...controllers.errors import InvalidValueError
+from ...controllers.validation import require_integer, require_kind, require_number
 from ...envs.episode.episodes import GaitEpisodes
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ...envs.scenario.push import Body, GaitEvent, polar_push
@@ -42,6 +43,7 @@ from .threshold import (
 )
 
 AT_REST_FOR, AT_REST_FOR_MORE = 0.5, 0.5  # a robot that stands, before the push, and at most by its phase [s]
+LEAST_GRID = 1.0  # [N]
 FORMAT = 3  # of the rows
 KEY = ("policy", "psi_deg")  # of a row
 IN_PLACE = Command()
@@ -66,8 +68,10 @@ class FrontierSettings:
     replica_seed: int = 0  # that they are drawn from
 
     def __post_init__(self) -> None:
-        if not 0 < self.grid <= FORCE_CAP:
-            raise InvalidValueError(f"grid must be in (0, {FORCE_CAP:g}] N, got {self.grid}")
+        require_number("grid [N]", self.grid, LEAST_GRID, FORCE_CAP)
+        polar_push(self.grid, 0.0, self.duration, AT_REST_FOR, self.body)  # which has to be possible
+        require_kind("command", self.command, Command)
+        require_kind("errors", self.errors, ModelErrors)
         get_profile(self.profile)
         threshold.draw_replicas(self.replicas, self.replica_seed)
 
@@ -387,6 +391,7 @@ def default_grid(env_id: str, replicas: int = 1) -> float:
     For one trajectory its own, or that of any gait environment where it names none. Of replicas, whose
     thresholds lie between the forces, CELL times the robot's mass, to 10 N.
     """
+    require_integer("replicas", replicas, 1)
     with closing(make_env(env_id)) as env:
         unwrapped: Any = env.unwrapped
         if replicas > 1:
@@ -414,6 +419,7 @@ def frontier(
     with closing(Runner(settings.env_id, sources)) as runner:
         for name in sources:
             runner.acting(name)
+        runner.check_can_begin([settings.scenario(angles[0], settings.grid)])
         limits = {psi: direction_limits(runner.env, psi, *push) for psi in angles}
         if search.control and not settings.command.stand:
             phases = [replica.phase for replica in settings.drawn], RECOVERED_SHARE

@@ -12,16 +12,26 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...controllers.errors import InvalidValueError
+from ...controllers.errors import InvalidValueError, shown
 from ...controllers.files import write_text
-from ...controllers.validation import parse_json
+from ...controllers.validation import parse_json, require_integer, require_number, require_pair
 from ...envs.biped.limits_record import LimitsReport
 from ...envs.scenario.scenario import Scenario
 from ..output import progress, tables
 from ..output.rows import differing, read_content, read_json
 from ..rollout import DEFAULT_ENV, environments, policy_source
 from ..rollout.load_policy import is_attribute
-from ..rollout.outcome import Ending, Outcome, Score
+from ..rollout.outcome import (
+    Check,
+    Ending,
+    Outcome,
+    Score,
+    check_fields,
+    check_row,
+    or_none,
+    require_object,
+    require_text,
+)
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .evaluate import FORMAT, configuration
 from .suites import OF_ROBOT, SUITES, Suite, get_suite, with_profile
@@ -64,7 +74,7 @@ def read_submission(directory: Path, suite: str | None = None, trust: bool = Fal
         raise InvalidValueError(f"{str(directory)!r} holds no results of evaluate (format {FORMAT})")
     env_id = str(config.get("env"))
     named = environments.EnvName.parse(env_id)
-    if not trust and (named.runs_code or ":" in named.robot):
+    if not trust and named.runs_code:
         raise InvalidValueError(
             f"{str(directory)!r} has results on {env_id!r}, and making it runs the code of a module: where "
             "you trust it, submit takes --trust"
@@ -117,7 +127,7 @@ def _rows(path: Path, suite: Suite) -> dict[str, list[Row]]:
         row = parse_json(f"{str(path)!r} line {number}", line)
         told = row if isinstance(row, dict) else {}
         policy, scenario_id = told.get("policy"), told.get("scenario_id")
-        if not isinstance(policy, str) or scenario_id not in scenarios:
+        if not (isinstance(policy, str) and isinstance(scenario_id, str) and scenario_id in scenarios):
             raise InvalidValueError(f"{str(path)!r} line {number} is no row of suite {suite.name!r}")
         if scenario_id in found.setdefault(policy, {}):
             raise InvalidValueError(
@@ -141,28 +151,25 @@ def checked_row(row: Row, scenario: Scenario) -> Row:
     """The row, if all of it follows from the scenario and from how the episode ended.
 
     Raises:
-        InvalidValueError: naming the fields that do not.
+        InvalidValueError: naming the fields that do not, or the one that has no value of an outcome.
     """
-    outcome = {key: value for key, value in row.items() if key != DIGEST}
     try:
-        bounds = LimitsReport(dict(outcome["limits_met"]), dict(outcome["limit_shares"]))
-        names = "end_time", "recovered_at", "failure_reason", "total_reward"
-        end, settled, reason, reward = (outcome[name] for name in names)
-        ending = Ending(
-            not outcome["survived"], end, settled, reason, reward, bounds, outcome.get("measures", {})
-        )
-        follows = Outcome.of(scenario, outcome["policy"], ending, outcome["env_steps"]).to_dict()
-        if DIGEST not in row:
-            raise KeyError(DIGEST)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        check_row(row, optional=("kick", "measures"))
+    except InvalidValueError as error:
         raise InvalidValueError(
-            f"row {scenario.id!r} of {row.get('policy')!r} is no outcome: {error!r}"
+            f"row {scenario.id!r} of {row.get('policy')!r} is no outcome: {error}"
         ) from error
-    differs = differing(outcome, follows)
-    if differs or not isinstance(outcome["survived"], bool):
+    outcome = {key: value for key, value in row.items() if key != DIGEST}
+    bounds = LimitsReport(outcome["limits_met"], outcome["limit_shares"])
+    names = "end_time", "recovered_at", "failure_reason", "total_reward"
+    end, settled, reason, reward = (outcome[name] for name in names)
+    measures = outcome.get("measures", {})
+    ending = Ending(not outcome["survived"], end, settled, reason, reward, bounds, measures)
+    follows = Outcome.of(scenario, outcome["policy"], ending, outcome["env_steps"]).to_dict()
+    if differs := differing(outcome, follows):
         raise InvalidValueError(
             f"row {scenario.id!r} of {row['policy']!r} contradicts its scenario or itself in: "
-            f"{', '.join(differs or ['survived'])}"
+            f"{', '.join(differs)}"
         )
     return row
 
@@ -171,10 +178,10 @@ def _check_report(path: Path, rows: Mapping[str, Sequence[Row]]) -> None:
     """Where there is a report, its counts are those of the rows."""
     if not path.is_file():
         return
-    reported = _object(path).get("policies")
+    reported = require_object(f"policies of {str(path)!r}", _object(path).get("policies"))
     for policy, mine in rows.items():
         score = Score.of(mine).to_dict()
-        entry = reported.get(policy, {}) if isinstance(reported, dict) else {}
+        entry = require_object(f"policy {policy!r} of {str(path)!r}", reported.get(policy, {}))
         if differs := [key for key in score if entry and entry.get(key) != score[key]]:
             raise InvalidValueError(
                 f"{str(path)!r} tells other numbers of {policy!r} than the rows give: {', '.join(differs)}"
@@ -230,15 +237,30 @@ def _compare(given: Row, outcome: dict[str, Any]) -> None:
         key = "recovered" if "recovered" in differs else differs[0]
         raise InvalidValueError(
             f"row {given['scenario_id']!r} of {given['policy']!r} is not what running it again gives: {key} "
-            f"is {stated.get(key)!r}, again {again.get(key)!r} ({len(differs)} fields differ); on another "
-            "kind of machine last bits may differ"
+            f"is {shown(stated.get(key))}, again {shown(again.get(key))} ({len(differs)} fields differ); on "
+            "another kind of machine last bits may differ"
         )
 
 
 KEY = 16  # hexadecimal digits of a hash in the name of a file
 PAGE = "README.md"
 COLUMNS = ("policy", "recovered", "rate", "95 % interval", "survived", "policy hash", "code", "checked")
-FIELDS = {"suite", "env", "policy", "policy_sha256", "code", "rows_sha256", "score", "checked"}
+SUITE: dict[str, Check] = {"name": require_text, "sha256": require_text}
+SCORE: dict[str, Check] = {
+    **dict.fromkeys(("recovered", "survived", "episodes"), require_integer),
+    "rate": require_number,
+    "ci95": require_pair,
+}
+FIELDS: dict[str, Check] = {  # of an entry
+    "suite": lambda name, value: check_fields(value, SUITE, name=name),
+    "env": require_text,
+    "policy": require_text,
+    "policy_sha256": or_none(require_text),
+    "code": require_text,
+    "rows_sha256": require_text,
+    "score": lambda name, value: check_fields(value, SCORE, name=name),
+    "checked": require_integer,
+}
 
 Entry = dict[str, Any]
 
@@ -284,8 +306,10 @@ def read_board(board: Path) -> list[Entry]:
     entries = []
     for path in sorted(board.glob("*/*.json")):
         entry = read_json(path)
-        if not isinstance(entry, dict) or not entry.keys() >= FIELDS:
-            raise InvalidValueError(f"{str(path)!r} is no entry of a leaderboard")
+        try:
+            check_fields(entry, FIELDS)
+        except InvalidValueError as error:
+            raise InvalidValueError(f"{str(path)!r} is no entry of a leaderboard: {error}") from error
         place = entry["suite"]["sha256"][:KEY], f"{policy_key(entry)[:KEY]}.json"
         if place != (path.parent.name, path.name):
             raise InvalidValueError(f"{str(path)!r} holds an entry that belongs in {'/'.join(place)}")

@@ -195,7 +195,7 @@ def kinds_table(evaluation: Evaluation) -> Table:
 
 def strategies_table(evaluation: Evaluation) -> Table:
     """Recoveries by the strategy that answered, steps, and steps not needed; no rows where no robot stood."""
-    lines = []
+    lines, stood = [], False
     for policy, rows in evaluation.rows.items():
         answered: dict[str | None, list[Row]] = {}
         for row in rows:
@@ -203,6 +203,7 @@ def strategies_table(evaluation: Evaluation) -> Table:
             strategy = strategy_of(measures.get("soles_margin"), measures.get("lift_off_margin"))
             answered.setdefault(strategy, []).append(row)
         answered.pop(None, None)
+        stood = stood or bool(answered)
         stepped = [row["measures"] for row in answered.get("step", ())]
         needless = sum(measures["lift_off_margin"] > 0.0 for measures in stepped)
         cells = (answered.get(strategy, []) for strategy in STRATEGIES)
@@ -214,8 +215,8 @@ def strategies_table(evaluation: Evaluation) -> Table:
                 f"{needless} of {len(stepped)}",
             )
         )
-        if not answered:
-            return Table("Strategies", (), ())
+    if not stood:
+        return Table("Strategies", (), ())
     columns = ("policy", *STRATEGIES, "median steps", "needless")
     return Table("Strategies", columns, lines, STRATEGIES_NOTE)
 

@@ -12,7 +12,7 @@ from typing import Any
 from ...controllers.errors import InvalidValueError
 from ...controllers.validation import require_choice, require_integer
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors, PhysicsOptions
-from ...envs.scenario.scenario import EXACT, HARDWARE, ONBOARD, PROFILES, Profile
+from ...envs.scenario.scenario import COLLISIONS, EXACT, HARDWARE, ONBOARD, PROFILES, Profile
 from ..output.statistics import PairedCounts
 from ..output.tables import Table, markdown_page, write_reports
 from ..rollout import DEFAULT_ENV
@@ -47,7 +47,7 @@ BODIES = (  # of which a robot has some
     ("armature-0.05", ModelErrors(armature=0.05)),
     ("delay-4ms", ModelErrors(delay=0.004)),
     ("delay-10ms", ModelErrors(delay=0.01)),
-    ("collisions", ModelErrors(collisions=True)),
+    (COLLISIONS.name, COLLISIONS.errors),
     ("motor-2kW", ModelErrors(motor_power=2000.0)),
     ("bus-3kW", ModelErrors(bus_power=3000.0)),
     ("bus-1.5kW", ModelErrors(bus_power=1500.0)),
@@ -166,7 +166,10 @@ def sensitivity(
     Raises:
         PushRecoveryError: as `evaluate`, `sample_of` and `varied_by`.
     """
-    names = (EXACT.name, *(name for name in variations if name != EXACT.name))
+    rest = list(variations)
+    if EXACT.name in rest:
+        rest.remove(EXACT.name)
+    names = (EXACT.name, *rest)
     pushes = varied_by(sample_of(suite, count), names, env_id)
     evaluation = evaluate(pushes, env_id, policies, workers, directory, overwrite)
     return Sensitivity(suite, count, names, evaluation)

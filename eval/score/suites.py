@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from ...controllers import files, validation
-from ...controllers.errors import InvalidValueError, UnknownNameError, shown
+from ...controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError, shown
 from ...controllers.model.robot import SAME, Similarity
 from ...envs.scenario.distribution import PushDistribution
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
+from ...envs.scenario.push import GaitEvent
 from ...envs.scenario.scenario import EXACT, HARDWARE, Profile, Scenario
 from ..output.rows import read_json
 from ..protocols.kick import every_kick
@@ -60,6 +61,8 @@ class Suite:
     def __post_init__(self) -> None:
         check_name("name", self.name)
         check_name("version", self.version)
+        scenarios = validation.require_all("Suite.scenarios", self.scenarios, Scenario)
+        object.__setattr__(self, "scenarios", scenarios)
         if not self.scenarios:
             raise InvalidValueError(f"suite {self.name!r} has no scenarios")
         ids = [scenario.id for scenario in self.scenarios]
@@ -96,14 +99,32 @@ def load_suite(path: Path) -> Suite:
     content = validation.require_keys(what, data, {"name", "version", "scenarios"}, {"sha256"})
     if not isinstance(content["scenarios"], list):
         raise InvalidValueError(f"{what}: scenarios must be a list")
-    scenarios = tuple(Scenario.from_dict(entry) for entry in content["scenarios"])
-    suite = Suite(str(content["name"]), str(content["version"]), scenarios)
+    entries = enumerate(content["scenarios"], start=1)
+    scenarios = tuple(_read_scenario(f"{what}, scenario {number}", entry) for number, entry in entries)
+    suite = Suite(content["name"], content["version"], scenarios)
     if "sha256" in content and content["sha256"] != suite.sha256:
         raise InvalidValueError(
             f"{what} states sha256 {content['sha256']} but its content has {suite.sha256}: "
             "it was changed; remove the sha256 key to use it as a suite of your own"
         )
     return suite
+
+
+def _read_scenario(where: str, entry: object) -> Scenario:
+    """A scenario of a suite file; raises InvalidValueError naming its place, also where no push can come."""
+    try:
+        found = Scenario.from_dict(entry)
+        starts = [part.start for part in (*found.forces, *found.jumps)]
+        first = min((0.0 if isinstance(start, GaitEvent) else start for start in starts), default=0.0)
+        if found.duration is not None and first >= found.duration:
+            raise InvalidValueError(
+                f"Scenario.duration [s] must be more than the start of its first push at {first:g}, "
+                f"got {found.duration:g}"
+            )
+    except PushRecoveryError as error:
+        named = f" ({shown(entry['id'])})" if isinstance(entry, dict) and "id" in entry else ""
+        raise InvalidValueError(f"{where}{named}: {error}") from error
+    return found
 
 
 def with_errors(suite: Suite, errors: ModelErrors) -> Suite:
@@ -227,9 +248,13 @@ def register_suite(name: str, maker: Callable[[], Suite]) -> None:
         maker: makes the suite, the same each time; called when it is first asked for.
 
     Raises:
-        InvalidValueError: the name is taken, or is none.
+        InvalidValueError: the name is taken, is none, or is that of a file; or the maker can't be called.
     """
     check_name("name", name)
+    if name.endswith(".json"):
+        raise InvalidValueError(f"a suite's name must not end in .json, as that of a file does, got {name!r}")
+    if not callable(maker):
+        raise InvalidValueError(f"maker must be a function that gives a Suite, got {shown(maker)}")
     if name in SUITES:
         raise InvalidValueError(f"there is a suite {name!r} already")
     SUITES[name] = cache(maker)
@@ -288,10 +313,13 @@ def new_suite(
     validation.require_choice("kind of suite", like, KINDS)
     validation.require_integer("seed", seed)
     validation.require_integer("scenarios", scenarios, 1, LARGEST)
-    label, blocks = name or f"{like}-{seed}", math.ceil(scenarios / BLOCK)
+    label, blocks = f"{like}-{seed}" if name is None else name, math.ceil(scenarios / BLOCK)
+    check_name("name", label)
+    pushes = {} if pushes is None else validation.require_kind("pushes", pushes, Mapping)
     if pushes and like not in RANGES:
         raise InvalidValueError(
-            f"only {' and '.join(RANGES)} take other ranges of pushes, not {like!r}: got {dict(pushes)}"
+            f"only {' and '.join(RANGES)} take other ranges of pushes, not {like!r}: "
+            f"got {shown(dict(pushes))}"
         )
     draw = pelvis_draw(_ranges(like, pushes)) if pushes else DRAWS[like]
     drawn = draw.stratified(label, blocks, seed)

@@ -28,7 +28,6 @@ from typing import NamedTuple, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...controllers.errors import InvalidValueError
 from ...controllers.validation import require_integer
 from ...envs.scenario.scenario import StartOffset
 from ..output.statistics import Z
@@ -36,6 +35,7 @@ from .draw import uniforms
 
 BEYOND = 100.0  # how far past the first failure a direction is scanned [N]
 FORCE_CAP = 4000.0  # no scan goes further [N]
+MOST_DIRECTIONS = 3600
 TOLERANCE = 1e-9  # of strengths that are multiples of a grid
 T = TypeVar("T")
 Array = NDArray[np.float64]
@@ -100,10 +100,9 @@ def directions_deg(count: int) -> list[float]:
     """`count` directions counter-clockwise from forward [deg].
 
     Raises:
-        InvalidValueError: fewer than one.
+        InvalidValueError: fewer than one, or more than MOST_DIRECTIONS.
     """
-    if count < 1:
-        raise InvalidValueError(f"directions must be >= 1, got {count}")
+    require_integer("directions", count, 1, MOST_DIRECTIONS)
     return [360.0 * k / count for k in range(count)]
 
 

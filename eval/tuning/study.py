@@ -23,17 +23,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError, MissingExtraError
+from ...controllers.policies.two_stage import make_policy
 from ...controllers.settings import PresetFile, load_preset
 from ...controllers.validation import require_choice, require_integer
 from ...envs.biped.core import SECTIONS, BipedSettings
 from ...envs.scenario.model_errors import EXACT_MODEL, ModelErrors
+from ...envs.scenario.scenario import one_of_each
 from ..output.rows import RowFile, default_directory
 from ..output.statistics import PairedCounts
 from ..protocols.run import biped_of
 from ..rollout.environments import code_digest, preset_digest, robot_of
 from ..score.suites import Suite
 from . import pushes
-from .pushes import BIPED, PENDULUM, RECOVERED, TUNING, VARIED, Scorer, check_env, own_episodes
+from .pushes import (
+    BIPED,
+    PENDULUM,
+    RECOVERED,
+    TUNING,
+    VARIED,
+    Scorer,
+    check_env,
+    own_episodes,
+    preset_episodes,
+)
 from .space import OF_TRUNK, Space, planner_dimensions, robot_dimensions, select
 
 SPACES = ("planner", "robot", "both")
@@ -350,6 +362,10 @@ def tune(
     """
     space = space_of(settings)
     suite, held_out = suites_of(settings)
+    episodes = preset_episodes(settings.env_id, 1, settings.preset, settings.policy)
+    make_policy(settings.policy, episodes.robot, episodes.limits, settings.preset)
+    for scenario in one_of_each((*suite.scenarios, *held_out.scenarios)):  # what is impossible fails here
+        episodes.begin(0, scenario)
     config = configuration(settings, space, (suite, held_out))
     directory = directory or default_directory(f"tune-{settings.policy}", config)
     search = Search(space, settings.seed)

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import stat
 
 import pytest
 from push_recovery.controllers import files
@@ -54,3 +55,15 @@ def test_a_planted_link_is_not_written_through(tmp_path):
     assert other.read_bytes() == b"another's"
     assert (tmp_path / "report.md").read_bytes() == b"new"
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["other", "report.md"]
+
+
+def test_content_and_name_are_on_disk_when_it_returns(tmp_path, monkeypatch):
+    kept, sync = [], os.fsync
+
+    def note(number):
+        kept.append(stat.S_ISDIR(os.fstat(number).st_mode))
+        sync(number)
+
+    monkeypatch.setattr(os, "fsync", note)
+    write_atomically(tmp_path / "report.md", b"new")
+    assert kept == [False, True]  # the file, and then the folder that holds its name

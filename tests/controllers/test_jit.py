@@ -426,3 +426,13 @@ def test_one_of_a_group_of_processes_says_it_and_again_when_it_is_long_ago(tmp_p
 def test_it_is_said_where_nothing_can_be_written(tmp_path, monkeypatch):
     monkeypatch.setattr(jit, "cache_root", lambda: tmp_path / "missing")
     assert jit._first_to_say()
+
+
+def test_a_kernel_that_cannot_be_kept_costs_a_warning(monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(jit.FunctionCache, "save_overload", full)
+    kept = object.__new__(jit._KernelCache)
+    with pytest.warns(RuntimeWarning, match="a compiled kernel was not kept: .*No space left on device"):
+        kept.save_overload(None, None)

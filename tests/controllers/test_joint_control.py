@@ -350,3 +350,10 @@ def test_the_floor_is_as_high_as_the_sole_that_has_come_to_stand(core):
     assert gait.stance[0] == 1
     assert gait.height[0, FLOOR] == pytest.approx(sole_position(core.physics, 0, 1)[2])
     assert gait.height[0, FLOOR] == pytest.approx(0.1, abs=0.01)
+
+
+def test_a_foot_counts_as_lifted_after_20_ms_without_load(core):
+    for milliseconds, made in ((18, 0), (20, 1)):
+        off = held(STANDS, FREE, 1e-3 * milliseconds)
+        loads = held(SHARED, SHARED, 0.1) + off + held(SHARED, SHARED, 0.5)
+        assert len(steps(core, loads)[0]) == made

@@ -243,3 +243,48 @@ def test_numbers_of_a_robot_four_times_as_high_have_the_factors_of_their_units()
     for section, expected in factors.items():
         found = {name: scale.factor(settings.UNITS[section][name]) for name in expected}
         assert found == pytest.approx(expected)
+
+
+def test_what_an_arm_changes_is_scaled_as_what_is_common():
+    small, time = settings.scaled_preset(BIPED, SMALL, {}), 0.5**0.5
+    for arm in ("raibert", "herdt", "stage-1+momentum"):
+        one, other = small.config(arm), BIPED.config(arm)
+        assert one.push_carry == pytest.approx(time * other.push_carry, rel=1e-5)
+        assert one.push_threshold == pytest.approx(0.5 * other.push_threshold, rel=1e-5)
+        assert one.trunk_gravity == pytest.approx(0.1 * 0.5 * other.trunk_gravity, rel=1e-5)
+
+
+def test_under_froudes_similarity_every_number_goes_with_its_dimension():
+    """Lengths times 4, masses times 64, g the same: metres by 4, seconds by 2, weights by 64 and so on."""
+    scale = settings.Scale(4.0, 64.0, 4.0, 4.0, 4.0, trunk_acceleration=0.25, waist=4.0, lean=4.0)
+    powers = {  # of 4
+        "planner": {
+            -2.0: "alpha_step alpha_offset beta_cop beta_dcm", -1.0: "upright_stiffness",
+            -0.5: "upright_damping",
+            0.0: "swing_acceleration beta_dcm_acceleration beta_trunk_angle beta_trunk_limit",
+            0.5: "duration_margin freeze touchdown_delay double_support push_carry sampling_time "
+            "tail_sampling_time mpc_step standing_carry standing_horizon",
+            1.0: "push_threshold beta_trunk_rate cop_margin_x cop_margin_y mpc_velocity",
+            2.0: "beta_trunk", 3.0: "mpc_jerk", 4.0: "trunk_gravity",
+        },
+        "limits": {
+            1.0: "length_min length_max width_min width_max cop_x_max cop_y_max",
+            0.5: "duration_min duration_max", -1.0: "trunk_acceleration_max",
+        },
+        "gait": {
+            1.0: "apex height_drop reach", 3.0: "early_load forced_load",
+            0.5: "landing_delay commit early settled height_lead height_time descent",
+        },
+        "gains": {
+            0.0: "swing_max", -1.0: "stance_kp swing_kp swing_turn_kp pelvis_kp heading_kp height_kp",
+            -0.5: "stance_kd swing_kd swing_turn_kd pelvis_kd heading_kd height_kd",
+        },
+        "bounds": {
+            1.0: "cop_x_max cop_y_max yaw_friction", 3.0: "force_min",
+            2.0: "waist_price pelvis_price heading_price swing_turn_price",
+        },
+    }  # fmt: skip
+    for section, by_power in powers.items():
+        expected = {name: 4.0**power for power, names in by_power.items() for name in names.split()}
+        found = {name: scale.factor(unit) for name, unit in settings.UNITS[section].items()}
+        assert found == pytest.approx(expected)

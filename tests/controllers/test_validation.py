@@ -158,6 +158,30 @@ def test_every_reader_of_json_refuses_what_is_none(kind, tmp_path):
             read(what)
 
 
+def test_a_key_that_comes_twice_is_refused_by_name():
+    words = r"^it is not valid JSON: the key 'b' stands in an object more than once$"
+    for text in ('{"b": 1, "a": 2, "b": 1}', '[{"a": {"b": 1, "b": 2}}]'):
+        with pytest.raises(InvalidValueError, match=words):
+            parse_json("it", text)
+    assert parse_json("it", '[{"b": 1}, {"b": {"b": 2}}]') == [{"b": 1}, {"b": {"b": 2}}]
+
+
+@pytest.mark.parametrize("value", ["abc", b"abc", bytearray(b"abc")])
+def test_text_is_no_list_of_numbers(value):
+    for require in validation.require_vector, validation.require_pair:
+        with pytest.raises(InvalidValueError, match=r"^v must have [23] entries.*got "):
+            require("v", value[: 3 if require is validation.require_vector else 2])
+
+
+def test_objects_of_a_class_become_a_tuple():
+    assert validation.require_all("v", (i for i in (1, 2)), int) == (1, 2)
+    for value in 3, None, "abc", b"abc":
+        with pytest.raises(InvalidValueError, match=rf"^v must be a sequence of int, got {value!r}$"):
+            validation.require_all("v", value, int)
+    with pytest.raises(InvalidValueError, match=r"^v must hold int objects, got 'a'$"):
+        validation.require_all("v", [1, "a"], int)
+
+
 def test_a_number_that_no_float_holds_is_refused_where_a_force_stands():
     text = json.dumps({"id": "a", "pushes": [{"force": [10**400, 0, 0], "duration": 0.1, "start": 1.0}]})
     with pytest.raises(InvalidValueError, match=r"Push\.force"):
@@ -189,3 +213,7 @@ def test_rounding_and_entries_of_one_side_are_no_difference():
     assert differences({"mass": 60.0, "old": 1}, {"mass": 60.0 + 1e-12, "new": 2}) == ""
     assert differences({"steps": 2}, {"steps": 3}) == "steps 2 there and 3 here"
     assert differences({"flag": True}, {"flag": 1.0}) == ""
+
+
+def test_a_pair_has_no_negative_zero():
+    assert [math.copysign(1.0, x) for x in validation.require_pair("p", (-0.0, -0.0))] == [1.0, 1.0]

@@ -23,7 +23,7 @@ from push_recovery.controllers.whole_body.kinematics import NU, PELVIS
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS, BipedCore
 from push_recovery.envs.biped.env import BipedEnv, BipedEpisodes
 from push_recovery.envs.biped.period import sensing_step
-from push_recovery.envs.robots.variants import ARMS_HELD
+from push_recovery.envs.robots.variants import ARMS_HELD, NO_WAIST_ROLL
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import SENSING, Command, Scenario
@@ -496,3 +496,27 @@ def test_held_joints_are_known_as_they_are():
     np.testing.assert_array_equal(known.qpos[0, 21:], true.qpos[0, 21:])
     np.testing.assert_array_equal(known.qvel[0, 20:], true.qvel[0, 20:])
     assert np.abs(true.qvel[0, 20:]).min() > 1e-3
+
+
+def test_joint_noise_of_the_model_errors_comes_on_top_of_the_encoders(begin):
+    core, off = onboard_core(), []
+
+    def look():
+        off.append(core.physics.qpos[0, JOINT : JOINT + NU] - core.judged.qpos[0, JOINT : JOINT + NU])
+
+    core.after_physics_step = look
+    begin(core, 0, Scenario("a", noise_seed=2, errors=ModelErrors(joint_noise=2e-3)))
+    for _ in range(40):
+        step(core)
+    assert core.gait.failure[0] == 0
+    np.testing.assert_allclose(np.std(off, axis=0), 2e-3, rtol=0.25)
+
+
+def test_a_robot_without_a_waist_roll_reads_none():
+    episodes = BipedEpisodes(1, robot=NO_WAIST_ROLL, sensing="onboard")
+    episodes.begin(0, Scenario("a", noise_seed=3, sensing="onboard"))
+    for _ in range(5):
+        episodes.step(np.zeros((1, 7), np.float32))
+    phys = episodes.core.physics
+    assert (phys.qpos[0, JOINT + 1], phys.qvel[0, BASE + 1]) == (0.0, 0.0)
+    assert phys.qpos[0, JOINT] != episodes.core.judged.qpos[0, JOINT]  # the pitch has an encoder

@@ -1,6 +1,7 @@
 """A policy of one's own, in each of the four ways."""
 
 import json
+import re
 import subprocess
 import sys
 import textwrap
@@ -190,3 +191,27 @@ def test_what_cannot_act_is_refused(policy, words, tmp_path):
     with pytest.raises((InvalidValueError, UnknownNameError), match=words):
         evaluate(policy, SUITE, toy.ENV_ID, out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+ONE = Suite("s", "1", (Scenario("a", duration=0.1),))
+
+
+@pytest.mark.parametrize(
+    ("run", "message"),
+    [
+        (lambda: evaluate("stage-1", ONE, PENDULUM, workers="2"), "workers must be an integer >= 1, got '2'"),
+        (lambda: evaluate("stage-1", ONE, PENDULUM, workers=0), "workers must be an integer >= 1, got 0"),
+        (lambda: evaluate("stage-1", ONE, PENDULUM, out=5), "out must be a path, got 5"),
+        (lambda: compare("stage-1", "two-stage", ONE, PENDULUM, errors={"mass": 0.1}),
+         "errors must be a ModelErrors, got {'mass': 0.1}"),
+        (lambda: frontier("stage-1", "4", PENDULUM), "directions must be an integer in [1, 3600], got '4'"),
+        (lambda: frontier("stage-1", 1, PENDULUM, replicas="8"), "replicas must be an integer >= 1, got '8'"),
+        (lambda: rollout("stage-1", None, PENDULUM), "scenario must be a Scenario, got None"),
+        (lambda: rollout("stage-1", {}, PENDULUM), "scenario must be a Scenario, got {}"),
+    ],
+)  # fmt: skip
+def test_arguments_of_another_kind_are_refused(run, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}$"):
+        run()
+    assert list(tmp_path.iterdir()) == []

@@ -47,7 +47,7 @@ def trained(tmp_path_factory):
 
 def test_robots_of_a_run_are_of_all_its_profiles():
     env = make_env(dataclasses.replace(SMALL, profile=("exact", "hardware")))
-    rng, episodes = np.random.default_rng(0), own_episodes(SMALL, env, 1)
+    rng, episodes = np.random.default_rng(0), own_episodes(env, 1)
     drawn = [episodes.drawn(PushDistribution(), rng) for _ in range(40)]
     assert {scenario.sensing for scenario in drawn} == {"exact", "onboard"}
     env.close()

@@ -2,10 +2,11 @@
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
-from push_recovery.controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from push_recovery.controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError, shown
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.policies.learned import NetworkPolicy
 from push_recovery.controllers.policies.residual import DEFAULT_FACTOR, default_residual_scale
@@ -273,6 +274,7 @@ def test_settings_say_what_is_wrong():
         {"device": "gpu"},
         {"profile": []},
         {"gate": [0.1, 0.0]},
+        {"gamma": "high"},
     ):
         with pytest.raises(InvalidValueError, match=next(iter(wrong))):
             TrainingSettings.from_json(good | wrong)
@@ -289,9 +291,68 @@ def test_settings_say_what_is_wrong():
         InvalidValueError, match=r"'observation' and then others, each once, got \['margin'\]"
     ):
         TrainingSettings.from_json(good | {"inputs": ["margin"]})
-    for wrong in ({}, [], good | {"extra": 1}, good | {"gamma": "high"}):
+    for wrong in ({}, [], good | {"extra": 1}):
         with pytest.raises(InvalidValueError, match="training settings"):
             TrainingSettings.from_json(wrong)
+
+
+PAIR, HUGE = "[a finite number, a finite number]", 10**400
+TRIPLES = "[[a name, a finite number, a finite number], ...]"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "wanted"),
+    [
+        *(({"easy": given}, PAIR) for given in ([5], [1, 2, 3])),
+        *(({"errors": given}, TRIPLES) for given in ([["friction", 0.4]], "abc")),
+        ({"log_std": "x"}, "a finite number or [a finite number, ...] or None"),
+        *(({"env_id": given}, "a name") for given in (5, None)),
+        *(({"gamma": given}, "a finite number") for given in (True, "0.99")),
+        *(({name: HUGE}, "a finite number") for name in ("learning_rate", "easy_share")),
+        ({"log_std_end": HUGE}, "a finite number or None"),
+        ({"policy_layers": [True]}, "[an integer, ...]"),
+        ({"policy_layers": []}, "one number or more"),
+        ({"teacher": 1}, "True or False"),
+        ({"normalise_reward": "yes"}, "True or False or None"),
+        ({"initial": 5}, "a name or None"),
+        ({"policy": 5}, "a name"),
+        ({"starts": 5}, "push or reset or None"),
+        ({"like": "hard"}, "[a name, ...]"),
+    ],
+)
+def test_a_setting_of_the_wrong_kind_is_named(wrong, wanted):
+    ((name, value),) = wrong.items()
+    got = shown(tuple(value) if isinstance(value, list) else value)
+    said = re.escape(f"training setting {name} must be {wanted}, got {got}")
+    with pytest.raises(InvalidValueError, match=f"^{said}$"):
+        TrainingSettings.from_json(TrainingSettings().to_json() | wrong)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--n-envs 1000000000", "n_envs must be an integer in [1, 100000], got 1000000000"),
+        ("--batch-size 1000000000000", "batch_size must be an integer in [1, 10000000], got 1000000000000"),
+        ("--walks 1000000000", "walks must be an integer in [1, 1000000], got 1000000000"),
+        ("--policy-layers 8 1000000", "policy_layers must be an integer in [1, 65536], got 1000000"),
+        ("--policy-layers", "policy_layers must be one number or more, got ()"),
+        ("--log-std 1e300", "log_std must be in [-20, 20], got 1e+300"),
+        ("--n-envs 1 --n-steps 1", "n_steps x n_envs must be an integer >= 2, got 1"),
+    ],
+)
+def test_options_beyond_what_a_run_can_do_are_refused_in_one_line(words, said, tmp_path, capsys):
+    assert main(["train", *words.split(), "--out", str(tmp_path / "run")]) == 2
+    error = capsys.readouterr().err
+    assert f"training setting {said}\n" in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_gate_of_a_recipe_that_no_float_holds_is_refused():
+    with pytest.raises(
+        InvalidValueError, match=r"^a residual gate is two numbers 0 <= shut < open \[m\], got"
+    ):
+        TrainingSettings.from_json(TrainingSettings().to_json() | {"gate": [0, HUGE]})
 
 
 def test_a_residual_run_takes_the_plain_environment():

@@ -567,3 +567,23 @@ def test_a_run_is_judged_on_pushes_of_the_kinds_that_it_trains_on(tmp_path, sett
     with closing(Run(dataclasses.replace(settings, like=like), tmp_path / "run")) as run:
         assert {scenario.pushes[0].frame for scenario in run.scenarios} == {frame}
         assert {scenario.settle_time for scenario in run.scenarios} == {4.0}
+
+
+def test_a_run_that_is_killed_goes_on_with_the_best_so_far(
+    tmp_path, training_run_settings, curve_of, monkeypatch
+):
+    """0.75 at 512 lies between checkpoints, of which the next one never comes."""
+    out, settings = tmp_path / "run", dataclasses.replace(training_run_settings, checkpoint_every=10_000)
+    curve_of(0.25, 0.75, 0.5)
+    run = Run(settings, out)
+
+    def evaluate(scored=run.evaluate):
+        if run.timesteps == 1024:
+            raise RuntimeError("killed")
+        scored()
+
+    monkeypatch.setattr(run, "evaluate", evaluate)
+    with closing(run), pytest.raises(RuntimeError, match="killed"):
+        run.train()
+    assert [point.recovered for point in resume(out).curve] == [0.25, 0.75, 0.5]
+    assert json.loads((out / "best.json").read_text())["training"]["timesteps"] == 512

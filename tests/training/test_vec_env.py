@@ -222,3 +222,17 @@ def test_starts_are_those_of_the_settings_for_a_robot_of_half_the_mass():
     assert (begin.easy.impulse_min, begin.easy.impulse_max) == pytest.approx((2.5, 40.0))
     assert (begin.like.kinds, begin.like.size.mass) == (("quick",), 0.5)
     assert begin.tables["pelvis single"].width == pytest.approx(10.0)
+
+
+def test_the_potential_is_discounted_by_the_gamma_of_the_settings():
+    """gamma phi' - phi, phi = 2 clip(m, -0.3, 0.05), of robots whose episodes go on."""
+    robots = robots_of(TrainingSettings(
+        env_id=PENDULUM, n_envs=2, hold=1, starts="reset", reward="recovery", gamma=0.5
+    ))  # fmt: skip
+    robots.reset()
+    before = 2.0 * np.clip(robots.episodes.core.margin, -0.3, 0.05)
+    _, rewards, dones, _ = robots.step(np.zeros((2, 7), np.float32))
+    after = 2.0 * np.clip(robots.episodes.core.margin, -0.3, 0.05)
+    assert not dones.any()
+    assert (after != 0.0).all()
+    np.testing.assert_allclose(rewards, 0.5 * after - before, atol=1e-6)

@@ -16,6 +16,7 @@ from push_recovery.controllers.math3 import conjugate, of_rotation, product, rot
 from push_recovery.controllers.whole_body.kinematics import LEG_DOF, Physics, sole_motion, sole_position
 from push_recovery.envs.biped.posture import posture
 from push_recovery.envs.robots.biped import biped
+from push_recovery.envs.sensing import SensorSettings
 
 DT, G = 0.002, 9.81
 LEVEL = (1.0, 0.0, 0.0, 0.0)
@@ -461,3 +462,35 @@ def test_soles_of_a_light_robot_count_by_their_share_of_its_weight(standing):
     phys.mass_matrix[0] *= 0.05
     listen_to_soles(estimate, 0, phys, DT)
     assert estimate.velocity[0, 0] < 0.02
+
+
+@pytest.mark.parametrize("rate", [0.0, 3.0])
+def test_a_loaded_sole_rests_up_to_three_deviations_of_what_moves_one(standing, rate):
+    """0.06 m/s of a sole that stands, 0.1 m to the edge that it rolls over, and what the estimate leaves."""
+    for share, believed in ((0.98, True), (1.02, False)):
+        phys, estimate = standing((300.0, 0.0))
+        estimate.level[0, VV] = 0.02**2
+        speed = share * 3.0 * np.sqrt(0.02**2 + 0.06**2 + (0.1 * rate) ** 2)
+        moving(estimate, phys, (speed, 0.0, 0.0))
+        phys.qvel[0, LEG_DOF[0] + 5] = rate  # of the ankle about the foot's long axis
+        listen_to_soles(estimate, 0, phys, DT)
+        assert bool(estimate.velocity[0, 0] < speed) is believed
+
+
+def test_near_the_sixteen_g_of_its_data_sheet_the_accelerometer_is_not_believed():
+    unsure = []
+    for share in (0.5, 0.97, 1.0):  # of 156.96 m/s^2, where readings end
+        estimate = estimate_at()
+        navigate(estimate, 0, Inertial((0.0, 0.0, 0.0), (share * 16.0 * G * DT, 0.0, 0.0)), DT)
+        unsure.append(estimate.level[0, VV])
+    assert unsure[0] < 1e-3 < 0.1 < min(unsure[1:])
+
+
+def test_at_first_it_is_as_unsure_as_the_data_sheets_of_its_sensors():
+    """0.05 degrees a second and 3 mg: what calibration leaves; of gravity, 3 mg are 3 mrad of tilt."""
+    sheet, estimate = SensorSettings(), estimate_at()
+    stated = base.deviations(estimate)
+    assert stated.gyro_bias[0] == pytest.approx(sheet.rate_bias, rel=0.2)
+    assert np.sqrt(estimate.turn[0]) == pytest.approx(sheet.rate_bias, rel=0.2)
+    assert np.sqrt(estimate.lift[0, base.LIFT_BB]) == pytest.approx(sheet.force_bias, rel=0.2)
+    assert stated.tilt[0] == pytest.approx(np.hypot(3e-3, sheet.force_bias / G), rel=0.05)

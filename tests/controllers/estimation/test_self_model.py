@@ -605,3 +605,10 @@ def test_a_stander_learns_the_friction_that_its_sole_slides_with(biped_core, beg
             core.known.stood[0, place] -= PERIOD
         rules.learn_grip(core.known, 0, core.physics, core.gait, core.contacts)
     assert core.known.grip[0] == 0.5
+
+
+def test_it_slides_from_0_3_m_s_on_and_no_friction_below_0_4_is_believed():
+    sole = grip_standing()
+    assert sole.move(0.29, 0.1, 10) == FIRST
+    assert sole.move(0.31, 0.1, 2) == FIRST
+    assert sole.move(0.31, 0.1) == 0.4

@@ -190,3 +190,12 @@ def test_while_both_feet_stand_the_cop_spans_the_box_about_both_soles(elapsed, b
     np.testing.assert_allclose(found, np.repeat([[-1.0], [1.0], [0.0]], 7, axis=1), atol=1e-6)
     again = gaits_of_actions(LIMITS, observations[2:], found[2:], D)
     np.testing.assert_allclose(np.delete(again[0], [3, 4]), np.delete(0.5 * (low + high), [3, 4]), atol=1e-6)
+
+
+def test_a_cop_beyond_the_box_about_both_soles_is_brought_to_it():
+    """Soles of 0.2 x 0.1 m at the origin and at (-0.3, 0.25); also of a robot that stands."""
+    other = np.array([-0.3, 0.25])
+    observations = np.stack([standing(0.05, other), standing(-1.0, other)])
+    for sign, edge in ((-1.0, (-0.4, -0.05)), (1.0, (0.1, 0.3))):
+        gaits = gaits_of_actions(LIMITS, observations, np.full((2, 7), 3.0 * sign), D)
+        np.testing.assert_allclose(gaits[:, 3:5], [edge, edge], atol=1e-12)

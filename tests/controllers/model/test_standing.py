@@ -253,3 +253,13 @@ def test_the_fastest_swing_of_a_waist_without_roll_catches_aside_what_soles_do()
     robot = RobotModel(trunk_roll=False)
     found = standing_trajectory(robot, 0.5 * math.pi, horizon=1.0, interval=0.02).impulse / 0.1
     assert found == pytest.approx(max_standing_force(robot, 0.5 * math.pi), abs=0.05)
+
+
+def test_the_program_takes_the_sole_and_the_duration_that_it_is_given():
+    """Without a trunk F = m w^2 d / (1 - exp(-w t)), with soles that end 0.06 m ahead, for 0.2 s."""
+    robot, w = RobotModel(trunk_pitch=False, trunk_roll=False), ROBOT.omega
+    limits = dataclasses.replace(GaitLimits.of(robot), cop_x_max=0.06)
+    found = standing_trajectory(robot, 0.0, 0.2, limits=limits, horizon=1.0, interval=0.02)
+    force = robot.mass * w**2 * 0.06 / (1.0 - math.exp(-0.2 * w))
+    assert found.impulse / 0.2 == pytest.approx(force, rel=1e-4)
+    np.testing.assert_allclose(found.time, 0.02 * np.arange(51), atol=1e-12)

@@ -217,3 +217,9 @@ def test_the_program_keeps_the_box_of_the_trunk():
     omega = math.sqrt(9.81 / 0.8)
     swing = 8.0 / (60.0 * 9.81) * 10.0 * (1.0 - math.exp(-omega * math.sqrt(math.pi / 3 / 10.0))) ** 2
     assert gained == pytest.approx(60.0 * omega * swing, abs=0.05)
+
+
+@pytest.mark.parametrize("duration", [0.045, 0.2])
+def test_pushes_of_other_durations_have_the_closed_forms_limit(duration):
+    closed = max_recoverable_force(ROBOT, 0.7, duration)
+    assert solve(ROBOT, 0.7, duration=duration).force == pytest.approx(closed, rel=3e-4)

@@ -106,3 +106,15 @@ def test_a_tuple_of_seven_numbers_is_an_action_and_one_of_two_an_action_with_a_s
     assert PlainPolicy(Says(seven)).predict(None) == (seven, None)
     assert PlainPolicy(Says((seven, "state"))).predict(None) == (seven, "state")
     assert PlainPolicy(Says([1.0, 2.0])).predict(None) == ([1.0, 2.0], None)
+
+
+def test_a_reset_that_takes_a_seed_gets_it():
+    class Seeded(Bare):
+        def reset(self, seed=None):
+            self.seed = seed
+
+    policy = Seeded()
+    plain = as_policy(policy)
+    assert isinstance(plain, PlainPolicy)
+    plain.reset(seed=3)
+    assert policy.seed == 3

@@ -4,6 +4,7 @@ import io
 import json
 import os
 import pickle
+import re
 import struct
 import sys
 import tracemalloc
@@ -255,6 +256,34 @@ def edit(tmp_path, **changes):
 def test_a_damaged_description_is_refused(tmp_path, changes):
     path = edit(tmp_path, **changes)
     with pytest.raises(PushRecoveryError, match=r"p\.(json|safetensors)|policy"):
+        NetworkPolicy.load(path, base=SlopePolicy())
+
+
+HUGE = 10**400  # as JSON may have it; no float is so large
+TOO_LARGE = f"1{'0' * 199}... (401 characters): no float is so large"
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"observation_mean": [HUGE] * 36}, f"observation_mean[0] must be finite, got {TOO_LARGE}"),
+        ({"observation_mean": ["0.1"] * 36}, "observation_mean[0] must be a number, got '0.1'"),
+        ({"observation_variance": 1.0}, "observation_variance must be a list, got 1.0"),
+        ({"observation_clip": HUGE}, f"observation_clip must be finite, got {TOO_LARGE}"),
+        ({"observation_clip": True}, "observation_clip must be a number, got True"),
+        ({"hold": 10**30}, f"hold [planning periods] must be an integer in [1, 10000], got {10**30}"),
+        ({"training": [1]}, "training must be a dict, got [1]"),
+        ({"inputs": "observation"}, "inputs must be a list, got 'observation'"),
+        ({"inputs": ["observation", "foo"]},
+         "unknown input of a network 'foo' (valid: observation, base, gate, margin)"),
+        ({"observation_size": "36"}, "observation_size must be an integer >= 1, got '36'"),
+        ({"hidden_sizes": 128}, "hidden_sizes must be a list, got 128"),
+        ({"hidden_sizes": [16, True]}, "hidden_sizes[1] must be an integer >= 1, got True"),
+    ],
+)  # fmt: skip
+def test_a_value_of_the_wrong_kind_is_named_by_its_key(tmp_path, changes, said):
+    path = edit(tmp_path, **changes)
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(f'policy description {path}: {said}')}$"):
         NetworkPolicy.load(path, base=SlopePolicy())
 
 

@@ -8,14 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError
 from push_recovery.controllers.model import observation as columns
 from push_recovery.controllers.model.gait_box import COP, DURATION, STEP, GaitLimits
 from push_recovery.controllers.model.nominal_gait import nominal_gait, nominal_start
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies import linear_mpc
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy, make_policy
-from push_recovery.controllers.qp import solve_qp
+from push_recovery.controllers.qp import QpSolution, solve_qp
 from push_recovery.controllers.settings import PlannerConfig
 from push_recovery.controllers.stage_1 import DCM_END, OFFSET, ROW_SIZE, TARGET, StepPlanner
 from push_recovery.controllers.stage_1 import REMAINING as PLAN_REMAINING
@@ -308,3 +308,13 @@ def test_the_first_interval_is_no_shorter_than_its_least():
     none, least = mpc.horizon(0.0, 0.45), mpc.horizon(CONFIG.first_interval_min, 0.45)
     for mine, theirs in zip(none, least, strict=True):
         np.testing.assert_array_equal(mine, theirs)
+
+
+def test_a_program_that_is_not_solved_gives_no_plan(monkeypatch):
+    def gives_up(problem, solver):
+        nothing = np.full(problem.f.size, np.nan), np.full(problem.lower.size, np.nan)
+        return QpSolution(*nothing, "failed", 0)
+
+    monkeypatch.setattr(linear_mpc, "solve_qp", gives_up)
+    with pytest.raises(PushRecoveryError, match="the program of axis 0 is failed"):
+        rows_of(observe(0.2, dcm=(0.03, 0.02)))

@@ -123,3 +123,10 @@ def test_files_of_earlier_versions_are_tanh_networks_with_a_linear_output(tmp_pa
         NetworkPolicy.load(path)
     path.write_text(json.dumps(about | {"format_version": earlier}))
     assert NetworkPolicy.load(path).predict(OBSERVATIONS)[0].tobytes() == p.predict(OBSERVATIONS)[0].tobytes()
+
+
+@pytest.mark.parametrize("epsilon", [0.0, -1e-8, np.nan, np.inf])
+def test_a_constant_entry_needs_an_epsilon(epsilon):
+    """(x - mean) / sqrt(0 + 0) is no number."""
+    with pytest.raises(InvalidValueError, match="epsilon > 0"):
+        mlp.Normalisation(np.zeros(2), np.zeros(2), epsilon=epsilon)

@@ -76,7 +76,18 @@ def test_batch_and_single_have_equal_bits():
 
 
 @pytest.mark.parametrize(
-    "band", [(0.06, 0.02), (0.02, 0.02), (-0.1, 0.1), (0, np.nan), 0.1, "wide", (1, 2, 3)]
+    "band",
+    [
+        (0.06, 0.02),
+        (0.02, 0.02),
+        (-0.1, 0.1),
+        (0, np.nan),
+        (0, 10**400),
+        (False, True),
+        0.1,
+        "wide",
+        (1, 2, 3),
+    ],
 )
 def test_impossible_gates_are_refused(band):
     with pytest.raises(InvalidValueError, match="0 <= shut < open"):

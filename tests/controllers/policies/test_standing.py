@@ -17,8 +17,13 @@ from push_recovery.controllers.model.observation import (
     TRUNK_RATE,
 )
 from push_recovery.controllers.model.robot import RobotModel
-from push_recovery.controllers.model.standing import HULL_COLUMNS, HULL_ROWS, Feet, standing_margin
-from push_recovery.controllers.policies.standing import margin_in_place
+from push_recovery.controllers.model.standing import (
+    HULL_COLUMNS,
+    HULL_ROWS,
+    Feet,
+    standing_margin,
+)
+from push_recovery.controllers.policies.standing import margin_in_place, was_thrown
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.stage_1 import OFFSET, ROW_SIZE
 
@@ -157,3 +162,21 @@ def test_a_foot_lifts_after_the_shortest_shift_that_saves_all_but_a_hundredth(mo
     monkeypatch.setattr(stander, "_candidates", lambda seen: (cops, costs, rows))
     stander._step(seen, row, False)
     assert row[COP : COP + 2].tolist() == cops[2].tolist()
+
+
+@pytest.mark.parametrize("command", [(0.2, 0.0), (0.0, 0.1), (0.0, -0.1)])
+def test_a_stander_that_is_to_walk_any_way_shifts_its_load(command):
+    """At rest the CoP is under the DCM, in the middle; a step begins with the DCM elsewhere."""
+    policy, seen = make_policy("two-stage"), standing((0.0, 0.1))
+    assert policy.plan(seen).gait[COP : COP + 2] == pytest.approx([0.0, 0.1], abs=1e-9)
+    seen[COMMAND] = command
+    assert np.abs(policy.plan(seen).gait[COP : COP + 2] - [0.0, 0.1]).max() > 0.01
+
+
+@pytest.mark.parametrize(
+    ("height", "contact", "thrown"), [(0.021, 0.0, True), (0.019, 0.0, False), (0.021, 1.0, False)]
+)
+def test_a_foot_is_thrown_from_two_centimetres_on_and_without_load(height, contact, thrown):
+    seen = standing((0.0, 0.1))
+    seen[SWING_CONTACT], seen[SWING_POSITION.start + 2] = contact, height
+    assert bool(was_thrown(seen)) is thrown

@@ -413,3 +413,11 @@ def test_an_arm_overrides_of_a_preset_only_what_makes_it_that_arm():
     rule = {"use_cop": False, "use_trunk": False, "foothold": "capture_point"}
     assert ARMS["raibert"].settings == rule
     assert ARMS["herdt"].settings == {**rule, "foothold": "linear_mpc"}
+
+
+@pytest.mark.parametrize("name", ["raibert", "fixed-time", "stage-1"])
+def test_without_stage_2_the_dcm_is_expected_where_it_drifts_to(name):
+    """About the sole's centre: xi(T) = xi(t) exp(omega (T - t))."""
+    plan = arm(name).plan(PUSHED)
+    end = PUSHED[columns.DCM] * math.exp(ROBOT.omega * plan.remaining)
+    np.testing.assert_allclose(plan.dcm_end, end, atol=1e-6)

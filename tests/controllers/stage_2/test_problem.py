@@ -7,7 +7,9 @@ import pytest
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.observation import ELAPSED, PREVIOUS_ACTION, SWING_POSITION, TRUNK_RATE
 from push_recovery.controllers.policies.two_stage import TwoStagePolicy
+from push_recovery.controllers.qp import QuadraticProgram
 from push_recovery.controllers.settings import PlannerConfig, preset_config
+from push_recovery.controllers.stage_2.problem import STATUS, solve_again
 
 COP, TRUNK = 3, 5
 AXES = [("trunk_pitch", 0), ("trunk_roll", 1)]
@@ -93,3 +95,14 @@ def test_the_expected_dcm_of_the_missing_axis_is_that_without_a_trunk(missing, a
     np.testing.assert_array_equal(found[:, axis], rigid[:, axis])
     np.testing.assert_array_equal(found[:, 1 - axis], whole[:, 1 - axis])
     assert np.abs(whole - rigid)[:, axis].max() > 1e-8
+
+
+def test_where_osqp_gives_up_daqps_plan_stays_and_the_status_says_so():
+    """x_0 >= 1 and x_0 <= -1."""
+    row = np.array([[1.0, 0.0], [1.0, 0.0]])
+    nowhere = QuadraticProgram(
+        np.eye(2), np.zeros(2), row, np.array([1.0, -2.0]), np.array([2.0, -1.0]), np.zeros(2)
+    )
+    out = np.arange(7.0)
+    solve_again([(nowhere, [])], out)
+    assert out.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, STATUS.index("daqp")]

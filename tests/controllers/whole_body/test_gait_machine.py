@@ -328,3 +328,23 @@ def test_on_a_step_the_com_is_half_way_up_or_as_high_as_the_lower_leg_lets_it(ra
     up = height(SETTINGS) + hips[:, 2] - com[2] - 0.06 - [0.0, rise]
     aside = math.hypot(sole[0] - hips[0, 0], sole[1] - hips[0, 1]), 0.0
     assert np.hypot(up, aside).max() == pytest.approx(SETTINGS.reach)  # one leg is straight
+
+
+@pytest.mark.parametrize(("rise", "lower"), [(0.1, 0.0), (0.0, 0.0), (-0.1, 0.05)])
+def test_down_a_step_the_com_may_sink_by_half_of_it_more_and_up_one_as_far_as_ever(rise, lower):
+    least = SETTINGS.com_height - SETTINGS.height_drop - lower
+    assert gait_machine.lowest_height(rise, SETTINGS) == pytest.approx(least)
+
+
+@pytest.mark.parametrize("rise", [0.1, -0.1])
+def test_a_foothold_too_far_on_a_step_is_drawn_in_to_where_a_lowered_robot_reaches_it(
+    random_state, robot_in, rise
+):
+    s = SETTINGS
+    core, data = robot_in(*random_state(np.random.default_rng(1), 0.01))
+    sole, hips, com = sole_position(core.physics, 0, 0), data.xanchor[[3, 9]], data.subtree_com[0]
+    far = float(hips[1, 0]) + 2.0, float(hips[1, 1])
+    _, target = gait_machine.reach_height(core.physics, 0, 0, sole, far, (0.0, 0.0), rise, s)
+    hip = s.com_height - s.height_drop + hips[1, 2] - com[2] - 0.06 - rise  # over the ankle on that floor
+    away = math.hypot(target[0] - hips[1, 0], target[1] - hips[1, 1])
+    assert away == pytest.approx(math.sqrt(s.reach**2 - hip**2))

@@ -20,7 +20,7 @@ from push_recovery.envs.biped.env import BipedEnv, BipedEpisodes
 from push_recovery.envs.biped.model_errors import altered_model
 from push_recovery.envs.episode.vector_env import GaitVectorEnv
 from push_recovery.envs.pendulum.env import PendulumEpisodes
-from push_recovery.envs.robots.biped import PLAN, biped, biped_model
+from push_recovery.envs.robots.biped import PLAN, ROBOT, biped, biped_model, spec
 from push_recovery.envs.scenario.arrays import NUMBERS, assign_pushes, empty_pushes
 from push_recovery.envs.scenario.disturbances import (
     Impactor,
@@ -786,3 +786,69 @@ def test_an_end_within_a_held_action_beside_a_robot_whose_law_is_over():
     for _ in range(2):
         info = envs.step(np.zeros((2, 7), np.float32))[4]
     assert info["time"][0] == pytest.approx(0.03)
+
+
+def masted() -> mujoco.MjSpec:
+    """The biped with 3 kg of its trunk on a mast, a body that no push may name."""
+    model = spec()
+    trunk = model.body("trunk")
+    trunk.mass = trunk.mass - 3.0
+    mast = trunk.add_body(name="mast", pos=[0.1, 0.05, 0.5])
+    mast.mass, mast.ipos, mast.inertia = 3.0, [0.0, 0.0, 0.1], [0.03, 0.02, 0.01]
+    mast.explicitinertial = True
+    return model
+
+
+def test_a_body_that_no_push_may_name_feels_a_floor_that_tilts():
+    """In axes at rest a robot that is let go falls by gravity alone and does not spin.
+
+    After 0.06 s at 20 rad/s^2 the floor has turned by 0.036 rad and goes at 1.2 rad/s.
+    """
+    towards = 0.5
+    tilt = TiltingPlatform(0.3, 2.0, 0.02, towards, acceleration=20.0)
+    episodes = BipedEpisodes(1, robot=replace(ROBOT, name="masted", spec=masted))
+    episodes.begin(0, Scenario("tilt", disturbances=(tilt,), duration=10.0, physics=FINE))
+    core = episodes.core
+    qpos = core.simulations.data[0].qpos.copy()
+    qpos[2] += 0.5
+    core.put(0, qpos, np.zeros(20))
+    for _ in range(8):
+        episodes.step(np.zeros((1, 7), np.float32))
+    assert not episodes.failure().any()
+    axis = np.array([-math.sin(towards), math.cos(towards), 0.0])
+    pivot = core.pushes.progress[0, 0, laws.PIVOT :][:3]
+    _, velocity, spin = at_rest(core, rotation(0.036 * axis), 1.2 * axis, pivot)
+    assert velocity == pytest.approx([0.0, 0.0, -GRAVITY * 0.08], abs=8e-3)
+    assert spin == pytest.approx(np.zeros(3), abs=0.03)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_of_slips_of_one_sole_the_lowest_friction_counts(turned):
+    slips = Slip("left", 0.3, 0.05, 0.3), Slip("left", 0.1, 0.1, 0.1), Slip("right", 0.2, 0.05, 0.1)
+    episodes, seen = BipedEpisodes(1), []
+    episodes.begin(0, Scenario("a", disturbances=slips[::-1] if turned else slips, duration=10.0))
+    core = episodes.core
+    left, right = (laws.sole_pairs(core.simulations.models[0], sole) for sole in core.body.plan.sole_boxes)
+    (left,) = set(left) - set(right)
+
+    def look() -> None:
+        seen.append((core.simulations.data[0].time, core.simulations.models[0].pair_friction[left, 0]))
+
+    core.after_physics_step = look
+    walk(episodes, 40)
+    assert len(seen) == 200
+    for time, friction in seen:
+        after = time + 1e-9
+        low = 0.1 if 0.1 <= after < 0.2 else 0.3 if 0.05 <= after < 0.35 else 0.9
+        assert friction == low, time
+
+
+def test_a_scenario_that_is_refused_leaves_the_robot_as_it_was():
+    """Also where the scenario has pushes, which would have nowhere to act."""
+    both = TiltingPlatform(0.1, 1.0, 0.02), Platform(0.1, 0.3, 1.0)
+    core = BipedEpisodes(1).core
+    model, laws_of = core.simulations.models[0], core.pushes.law[0].copy()
+    with pytest.raises(InvalidValueError, match="a floor has one shift at most"):
+        core.assign(0, Scenario("two", disturbances=both))
+    assert core.simulations.models[0] is model
+    np.testing.assert_array_equal(core.pushes.law[0], laws_of)

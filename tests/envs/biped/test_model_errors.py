@@ -18,6 +18,8 @@ from push_recovery.envs.biped import model_errors
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.model_errors import LONGEST_DELAY, RATE_NOISE, altered_model
 from push_recovery.envs.robots.biped import PLAN, biped, biped_model
+from push_recovery.envs.robots.compiled_robot import compiled_robot
+from push_recovery.envs.robots.variants import ARMS_HELD
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors, PhysicsOptions
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -660,3 +662,54 @@ def test_the_contact_time_is_that_of_all_that_collides():
     model = altered_model(biped(), ModelErrors(collisions=True), PhysicsOptions(contact_time=0.02))
     assert model is not None
     assert set(model.geom_solref[model.geom_contype > 0, 0]) == {0.02}
+
+
+@pytest.mark.parametrize("name", ["motor_power", "bus_power"])
+def test_the_power_of_one_motor_and_that_of_all_are_held_in_a_run(biped_core, begin, name):
+    """Torque times the rate at which it acted, of who drives."""
+    core, found, watts = biped_core(), [], 10.0
+    push = Push((0.0, 300.0, 0.0), 0.1, 0.05)
+    begin(core, 0, Scenario("a", (push,), errors=ModelErrors(**{name: watts})))
+    data = core.simulations.data[0]
+    rates = data.qvel[6:].copy()
+
+    def look():
+        found.append(data.ctrl * rates)
+        rates[:] = data.qvel[6:]
+
+    core.after_physics_step = look
+    for _ in range(20):
+        step(core)
+    assert not core.gait.failure[0]
+    given = np.maximum(found, 0.0)
+    if name == "motor_power":
+        assert given.max() == pytest.approx(watts)
+        assert given.sum(axis=1).max() > 1.1 * watts
+    else:
+        assert given.sum(axis=1).max() == pytest.approx(watts)
+
+
+@pytest.mark.parametrize("errors", [{"motor_power": 300.0}, {"bus_power": 300.0}, {"continuous_torque": 0.4}])
+def test_any_limit_of_the_drives_alone_makes_a_step_more_than_a_plain_one(errors):
+    table = model_errors.no_errors(1)
+    model_errors.assign_errors(table, 0, Scenario("a", errors=ModelErrors(**errors)), biped())
+    assert (table.believes[0], table.physical[0]) == (0, 1)
+
+
+@pytest.mark.parametrize("errors", [{"trunk_com": (0.01, 0.0, 0.0)}, {"payload": 2.0}])
+def test_control_does_not_know_of_what_the_trunk_alone_carries(errors):
+    table = model_errors.no_errors(1)
+    model_errors.assign_errors(table, 0, Scenario("a", errors=ModelErrors(**errors)), biped())
+    assert (table.believes[0], table.physical[0]) == (1, 1)
+
+
+def test_losses_are_those_of_waist_and_legs_not_of_held_joints():
+    robot = compiled_robot(ARMS_HELD)
+    own = altered_model(robot, ModelErrors(joint_friction=1.0, joint_damping=2.0, armature=0.03))
+    assert own is not None
+    legs, arms = list(robot.indices.dof[6:]), list(robot.indices.held_dof)
+    assert len(arms) == 7
+    for name, more in (("dof_frictionloss", 1.0), ("dof_damping", 2.0), ("dof_armature", 0.03)):
+        added = getattr(own, name) - getattr(robot.model, name)
+        np.testing.assert_allclose(added[legs], more, rtol=1e-12, err_msg=name)
+        assert not added[arms].any(), name

@@ -6,11 +6,13 @@ import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
+from push_recovery.envs.biped import view as biped_view
 from push_recovery.envs.biped.env import BipedEnv
 from push_recovery.envs.biped.view import ARROW, FADE, add_markers, push_opacity, set_posture, to_world
 from push_recovery.envs.rendering import RenderError, make_context, require_display
@@ -226,3 +228,58 @@ def test_another_thread_is_refused_the_picture_of_the_first_one(env):
         assert pool.submit(own.render).result(60.0).shape == (480, 640, 3)
         pool.submit(own.close).result(20.0)
     assert env.render().shape == (480, 640, 3)
+
+
+def test_an_arrow_at_a_foot_is_low_in_the_picture(env):
+    """The camera looks at a height of 0.72 m, half-way down the 480 rows; a foot is 0.7 m lower."""
+    push = Push((0.0, 300.0, 0.0), 0.1, 0.02, "left_foot")
+    run(env, 2, Scenario("calm"))
+    calm = reddish(env.render())
+    run(env, 6, Scenario("low", (push,)))
+    red = reddish(env.render()) & ~calm
+    assert red.sum() > 100
+    assert np.flatnonzero(red.any(axis=1)).min() > 280
+
+
+@pytest.mark.parametrize("body", ["pelvis", "trunk", "left_shank", "right_foot"])
+def test_an_arrow_points_at_the_body_that_is_pushed(biped_core, begin, body):
+    core = biped_core()
+    begin(core, 0, Scenario("a", (Push((0.0, 300.0, 0.0), 0.1, 0.0, body),)))
+    data, geoms = markers(core)
+    arrow = next(g for g in geoms if g[0] == mujoco.mjtGeom.mjGEOM_ARROW)
+    wanted = data.body(body).xipos
+    assert arrow[1][[0, 2]] == pytest.approx(wanted[[0, 2]], abs=1e-6)
+
+
+def test_the_planned_foothold_lies_along_the_heading(biped_core, begin):
+    core, model = biped_core(), biped_model()
+    begin(core, 0, Scenario("a"))
+    core.gait.heading[0] = 0.5
+    data, scene = mujoco.MjData(model), mujoco.MjvScene(model, maxgeom=50)
+    set_posture(model, data, core)
+    add_markers(scene, data, core)
+    box = next(g for g in scene.geoms[: scene.ngeom] if g.type == mujoco.mjtGeom.mjGEOM_BOX)
+    forward = np.reshape(box.mat, (3, 3))[:, 0]
+    assert forward == pytest.approx([np.cos(0.5), np.sin(0.5), 0.0], abs=1e-6)
+
+
+def test_a_window_waits_for_the_clock_and_starts_over_where_it_is_late(monkeypatch):
+    now, slept = [100.0], []
+    clock = SimpleNamespace(monotonic=lambda: now[0], sleep=slept.append)
+    monkeypatch.setattr(biped_view, "time", clock)
+    window = SimpleNamespace(_lead=-np.inf)
+    biped_view._Window._wait(window, 5.0)  # the first picture
+    assert (window._lead, slept) == (-95.0, [])
+    now[0] = 100.004
+    biped_view._Window._wait(window, 5.01)  # 4 of 10 ms have gone by
+    assert slept == pytest.approx([0.006])
+    now[0] = 100.05
+    biped_view._Window._wait(window, 5.02)  # 30 ms late: neither waits nor starts over
+    assert (window._lead, len(slept)) == (-95.0, 1)
+    now[0] = 102.0
+    biped_view._Window._wait(window, 5.03)  # 2 s late: starts over
+    assert window._lead == pytest.approx(5.03 - 102.0)
+    biped_view._Window._wait(window, 0.0)  # a reset: starts over
+    assert window._lead == pytest.approx(-102.0)
+    biped_view._Window._wait(window, 0.6)  # 0.6 s ahead: no wait as long as that
+    assert (window._lead, len(slept)) == (pytest.approx(0.6 - 102.0), 1)

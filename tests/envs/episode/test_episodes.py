@@ -206,3 +206,15 @@ def test_the_callers_mask_of_robots_is_left_alone():
     live = np.ones(3, np.bool_)
     hold_action(Counting([1, 2, 3]), live, 3, lambda live: np.zeros((3, 7), np.float32), lambda *_: None)
     assert live.all()
+
+
+@pytest.mark.parametrize(("entry", "cop"), [(1.0, 0.25), (-1.0, -0.05)])
+def test_a_robot_that_will_stand_later_may_put_its_cop_between_both_soles_then(entry, cop):
+    """Soles 0.2 m apart and 0.1 m wide: from -0.05 to 0.25 m."""
+    episodes = PendulumEpisodes(1)
+    later = CommandChange(1.0, Command(stand=True))
+    episodes.begin(0, Scenario("a", changes=(later,)))
+    seen = episodes.core.observation
+    seen[0, 0], seen[0, 9:11] = -1.0, (0.0, 0.2)  # on both feet, the other one beside it
+    gait = episodes.gaits(np.array([[0.0, 0.0, 1.0, 0.0, entry, 0.0, 0.0]]))[0]
+    assert gait[4] == pytest.approx(cop)

@@ -15,12 +15,14 @@ import pytest
 from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError
 from push_recovery.controllers.joint_control import to_canonical
 from push_recovery.controllers.policies.two_stage import make_policy
+from push_recovery.controllers.whole_body import gait_machine
 from push_recovery.controllers.whole_body.gait_machine import FAILURES
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.period_end import REWARD_TERMS
 from push_recovery.envs.joint.core import write_floor_points
 from push_recovery.envs.joint.env import FROM_GAIT, JOINT_REWARD_TERMS, JointEpisodes, JointResidualEpisodes
+from push_recovery.envs.joint.full_body import FullBodyEpisodes
 from push_recovery.envs.robots.biped import biped, biped_model
 from push_recovery.envs.robots.variants import NO_WAIST
 from push_recovery.envs.scenario.disturbances import Impactor
@@ -370,3 +372,28 @@ def test_an_impactor_hits_any_robot(robots):
     assert not delivered[1].any()
     gained = episodes.core.physics.qvel[0, :2] - episodes.core.physics.qvel[1, :2]
     assert gained @ [np.cos(1.0), np.sin(1.0)] > 0.2
+
+
+def test_cop_and_cmp_lie_on_a_floor_that_is_higher(robot_in, random_state):
+    """One force at a point of a floor 0.2 m up: its CoP is there, its CMP on the line through the CoM."""
+    core, data = robot_in(*random_state(np.random.default_rng(0)))
+    com = core.judged.com[0, 0] = data.subtree_com[0]
+    force, point, wrench = np.array([40.0, -30.0, 500.0]), np.array([0.3, -0.1, 0.2]), np.zeros(20)
+    wrench[:3] = force
+    wrench[3:6] = data.xmat[1].reshape(3, 3).T @ np.cross(point - data.xpos[1], force)
+    core.gait.height[0, gait_machine.FLOOR] = 0.2
+    world = np.full(6, np.nan)
+    write_floor_points(core.judged, core.gait, 0, wrench, world)
+    np.testing.assert_allclose(world[2:4], point[:2], atol=1e-9)
+    np.testing.assert_allclose(world[4:6], com[:2] + (0.2 - com[2]) * force[:2] / force[2], atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [JointEpisodes, FullBodyEpisodes])
+def test_of_the_limits_only_the_motors_are_recorded_where_nothing_is_planned(kind):
+    episodes = kind(1)
+    episodes.begin(0, Scenario("a", (Push((0.0, 600.0, 0.0), 0.1, 0.0),)))
+    for i in range(20):
+        episodes.step(np.full((1, 14), 1.0 if i % 4 < 2 else -1.0, np.float32))
+    assert np.isfinite(episodes.core.limits_record.first[0]).sum() > 1  # the DCM kept to no plan, too
+    report = episodes.core.limits_met(0)
+    assert list(report.met) == list(report.shares) == ["joint_torque"]

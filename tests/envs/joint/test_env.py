@@ -133,3 +133,8 @@ def test_a_robot_that_turns_is_paid_for_its_own_command():
         x, y = episodes.core.truth[0, COM_VELOCITY]
         wanted = math.exp(-((x - 0.3) ** 2 + (y - aside) ** 2) / 0.25)
         assert terms[JOINT_REWARD_TERMS.index("velocity")] == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(("share", "value"), [(1.249, 1.0), (1.251, 0.0)])
+def test_a_swing_foot_on_the_floor_earns_until_a_quarter_after_its_time(share, value):
+    assert swing(seen(elapsed=share * T), T, APEX, False) == value

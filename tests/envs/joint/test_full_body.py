@@ -432,3 +432,69 @@ def test_the_cop_of_a_robot_on_both_feet_is_between_them():
     assert y == pytest.approx(soles[:, 1].mean(), abs=0.005)
     assert abs(x - soles[:, 0].mean()) < 0.1
     assert core.world[0, 5] == pytest.approx(core.com[0, 1], abs=0.005)  # the CMP, too, is half-way aside
+
+
+def test_a_servo_gives_what_its_motor_does_at_its_speed():
+    """The knee: 300 N m, 14 rad/s without load; at 0.85 of it (1 - 0.85) / 0.3 is left to who drives."""
+    episodes = FullBodyEpisodes(1, servos=servos(1e5, 0.0), control_hz=500.0)
+    core, knee, given = episodes.core, episodes.joints.index("left_knee"), []
+    for rate in (0.0, 11.9, -11.9):
+        episodes.begin(0, HOLD)
+        qpos, qvel = core.simulations.data[0].qpos.copy(), np.zeros(20)
+        qpos[2] += 1.0  # in the air
+        qvel[6 + knee] = rate
+        core.put(0, qpos, qvel)
+        episodes.step(np.ones((1, 14), np.float32))
+        given.append(float(core.physics.ctrl[0, knee]))
+    assert given == pytest.approx([300.0, 150.0, 300.0])
+
+
+def test_an_onboard_robot_observes_its_sensors_and_not_the_truth():
+    """Encoders are off by about 5e-4 rad; base and velocity are those of an estimate."""
+    episodes = FullBodyEpisodes(1, servos=servos(1500.0, 30.0), control_hz=50.0)
+    episodes.begin(0, replace(HOLD, sensing="onboard"))
+    for _ in range(10):
+        episodes.step(np.zeros((1, 14), np.float32))
+    seen, data, turn = episodes.seen[0], episodes.core.simulations.data[0], np.zeros(9)
+    off = seen[ANGLES : ANGLES + 14] - data.qpos[7:]
+    assert 1e-4 < np.abs(off).max() < 4e-3
+    assert (seen[QUATERNION] != data.qpos[3:7]).any()
+    mujoco.mju_quat2Mat(turn, data.qpos[3:7])
+    true = turn.reshape(3, 3).T @ data.qvel[:3]
+    assert 1e-6 < np.abs(seen[VELOCITY] - true).max() < 0.1
+
+
+@pytest.mark.parametrize(("degrees", "recovered"), [(19.9, True), (20.1, False)])
+def test_20_degrees_are_upright_enough(degrees, recovered):
+    assert math.isfinite(judged(moments(0.0, 0.0, lean=math.radians(degrees)))[0]) == recovered
+
+
+def test_the_pelvis_lean_counts_below_an_upright_trunk(monkeypatch):
+    leans, look = [], Steadiness.look
+    monkeypatch.setattr(
+        Steadiness, "look", lambda own, moment: leans.append(moment.lean[0]) or look(own, moment)
+    )
+    bent = Servos(("waist_pitch",), (-0.1,), (600.0,), (12.0,))
+    episodes = FullBodyEpisodes(1, servos=bent, control_hz=50.0)
+    episodes.begin(0, replace(HOLD, start=StartOffset(lean=(0.1, 0.0))))
+    episodes.step(np.zeros((1, len(episodes.joints)), np.float32))
+    assert leans[0] == pytest.approx(0.1, abs=0.03)
+
+
+@pytest.mark.parametrize(("stiffness", "met"), [(1e5, ["joint_torque"]), (1.0, [])])
+def test_servos_that_ask_for_more_than_the_motors_give_have_met_a_limit(stiffness, met):
+    """1e5 N m/rad a rad off, or 1 N m/rad, motors of 100 N m and more."""
+    every = ("waist_pitch", "waist_roll", *JOINTS)
+    episodes = FullBodyEpisodes(1, servos=servos(stiffness, 0.0, every))
+    episodes.begin(0, replace(HOLD, pushes=(Push((1.0, 0.0, 0.0), 0.1, 0.0),)))
+    episodes.step(np.ones((1, 14), np.float32))
+    assert list(episodes.core.limits_met(0).met) == met
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_astride_the_foot_that_is_not_the_stance_foot_is_ahead(side):
+    episodes = FullBodyEpisodes(1, servos=servos())
+    episodes.begin(0, Scenario("s", command=Command(stand=True), stance_side=side, stride=0.1))
+    core = episodes.core
+    left, right = core.simulations.data[0].site_xpos[list(core.body.indices.soles), 0]
+    assert (right - left if side == "left" else left - right) == pytest.approx(0.1, abs=1e-6)

@@ -191,3 +191,18 @@ def test_what_the_hull_can_save_is_not_called_lost():
         env.core._look(0, 1)
         assert capture_margin(env.robot, env.limits, 1e3, (0.0, y)) < -0.15  # -0.1 without the hull
         assert bool(env.core.state.failure[0]) == lost
+
+
+@pytest.mark.parametrize("preset", ["default", "double-support"])
+@pytest.mark.parametrize("time", [0.2, 0.4])
+def test_the_swing_foots_velocity_is_the_rate_of_its_place(preset, time):
+    env = PendulumEnv(preset=preset)
+    env.reset(options={"scenario": Scenario("x", command=Command(0.3, 0.1))})
+    core, half, places = env.core, 1e-6, []
+    for moment in (time - half, time + half, time):
+        core.state.time[0] = moment
+        core._look(0, 1)
+        places.append(core.truth[0, 9:12].copy())
+    rate = (places[1] - places[0]) / (2.0 * half)
+    assert np.abs(rate).min() > 0.01
+    assert core.truth[0, 12:15] == pytest.approx(rate, abs=1e-6)

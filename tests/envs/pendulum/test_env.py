@@ -397,3 +397,18 @@ def test_any_body_that_is_pushed_is_the_pendulum():
             episodes.step(np.zeros((1, 7), np.float32))
         ends.append(episodes.core.truth.copy())
     np.testing.assert_array_equal(*ends)
+
+
+@pytest.mark.parametrize(("beyond", "why"), [(0.09, ""), (0.11, "dcm_diverged")])
+def test_a_stander_is_lost_10_cm_beyond_what_can_be_caught(beyond, why):
+    episodes = PendulumEpisodes(1)
+    episodes.begin(0, Scenario("a", command=Command(stand=True)))
+    core = episodes.core
+    core.state.com[0, 0] = 1.0
+    for _ in range(40):
+        core._look(0, 1)
+        core.state.com[0, 0] += core.margin[0] + beyond
+    core.state.failure[0] = 0
+    core._look(0, 1)
+    assert core.margin[0] == pytest.approx(-beyond, abs=1e-6)
+    assert episodes.failures[episodes.failure()[0]] == why

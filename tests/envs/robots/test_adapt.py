@@ -306,3 +306,18 @@ def test_a_shape_that_collides_keeps_its_friction(colliding):
 
     shape = colliding(change)[1].geom("trunk_ball")
     assert (shape.friction.tolist(), shape.condim[0]) == ([0.3, 0.02, 0.003], 4)
+
+
+def test_the_same_parts_meet_as_the_bipeds(compiled):
+    """Soles with floor and each other, shanks with each other, a sole with the other leg's shank."""
+
+    def met(model, names):
+        found = set()
+        for pair in zip(model.pair_geom1, model.pair_geom2, strict=True):
+            called = [model.geom(int(geom)).name for geom in pair]
+            found.add(frozenset(names.get(name, name) for name in called))
+        return found
+
+    theirs = {f"{side}_foot": f"{side}_foot_sole" for side in ("left", "right")}
+    theirs |= {f"{side}_shank": f"{side}_shank_capsule" for side in ("left", "right")}
+    assert met(compiled().model, {}) == met(biped().model, theirs)

@@ -362,3 +362,15 @@ def test_a_joint_with_two_motors_is_refused():
 
     with pytest.raises(InvalidValueError, match="must have one motor, got 2"):
         _ = CompiledRobot(replace(ROBOT, spec=changed)).indices
+
+
+def test_torque_and_angle_of_the_trunk_are_the_least_of_the_waists_axes():
+    def changed():
+        model = spec()
+        model.actuator("waist_roll").forcerange = [-80.0, 80.0]
+        model.joint("waist_pitch").range = [-40.0, 55.0]  # [degrees]
+        return model
+
+    model = CompiledRobot(replace(ROBOT, spec=changed, model=None)).robot
+    assert model.trunk_torque_max == 80.0
+    assert model.trunk_angle_max == pytest.approx(np.radians(40.0))

@@ -1,6 +1,7 @@
 """Robot files: written and read again, refused with the key or the value that is wrong."""
 
 import json
+import os
 import re
 import shutil
 from dataclasses import replace
@@ -47,6 +48,12 @@ def test_an_environment_takes_the_path_of_a_file(written):
     assert (description.name, description.com_height, description.preset) == ("theirs", 0.8, "biped")
 
 
+def test_a_folder_with_a_colon_is_no_module(robot_file, tmp_path, monkeypatch):
+    write_robot_file(tmp_path / "a:b" / "mine.robot.json", robot_file(), "biped")
+    monkeypatch.chdir(tmp_path)
+    assert robot_description("a:b/mine.robot.json").name == "theirs"
+
+
 def test_folders_that_move_together_stay_together(robot_file, tmp_path):
     """A robot file names its model from where it lies, and from where it was written if that is gone."""
     robot = robot_file()  # its model in tmp_path
@@ -63,6 +70,19 @@ def test_folders_that_move_together_stay_together(robot_file, tmp_path):
     (tmp_path / "there").rename(tmp_path / "here")
     alone = shutil.copy(place / "mine.robot.json", tmp_path / "alone.robot.json")
     assert read_robot_file(alone).model == str(tmp_path / "here" / "theirs.xml")
+
+
+def test_a_link_to_a_robot_file_finds_what_lies_beside_that(robot_file, tmp_path):
+    """Where neither the link nor the folder that it was written in has the model."""
+    write_robot_file(tmp_path / "old" / "mine.robot.json", robot_file(), "biped")
+    shutil.move(tmp_path / "theirs.xml", tmp_path / "old" / "theirs.xml")
+    moved = replace(robot_file(), model=str(tmp_path / "old" / "theirs.xml"))
+    write_robot_file(tmp_path / "old" / "mine.robot.json", moved, "biped")
+    (tmp_path / "old").rename(tmp_path / "new")
+    (tmp_path / "links").mkdir()
+    (tmp_path / "links" / "mine.robot.json").symlink_to("../new/mine.robot.json")
+    found = read_robot_file(tmp_path / "links" / "mine.robot.json")
+    assert found.model == str(tmp_path / "new" / "theirs.xml")
 
 
 def test_links_are_not_replaced_by_what_they_lead_to(written, tmp_path, monkeypatch):
@@ -121,6 +141,57 @@ def test_a_change_of_any_file_of_a_model_is_noticed(pieces, tmp_path, changed):
     assert model_place.model_digest(model) == after
     (tmp_path / changed).write_text(content)
     assert model_place.model_digest(model) == before
+
+
+LEG = (
+    '<mujoco><compiler meshdir="meshes"/><asset><mesh name="sole" file="sole.obj"/></asset><worldbody>'
+    '<body name="foot"><geom type="mesh" mesh="sole"/></body></worldbody></mujoco>'
+)
+ATTACHED = (
+    '<mujoco><asset><model name="l" file="a/leg.xml"/><model name="r" file="b/leg.xml"/></asset><worldbody>'
+    '<attach model="l" prefix="l_" body="foot"/><attach model="r" prefix="r_" body="foot"/></worldbody>'
+    "</mujoco>"
+)
+LEGS = {f"{side}/{name}": content for side in "ab" for name, content in (
+    ("leg.xml", LEG), ("meshes/sole.obj", CORNERS))}  # fmt: skip
+NESTED = '<mujoco><include file="a/part.xml"/><include file="b/part.xml"/></mujoco>'
+PARTS = {f"{side}/{name}": f"<mujoco>{content}</mujoco>" for side in "ab" for name, content in (
+    ("part.xml", '<include file="inner.xml"/>'),
+    ("inner.xml", f'<custom><text name="{side}" data="1"/></custom>'),
+)}  # fmt: skip
+DASHES, UMLAUT = b"<!-- ---- <legs> ---- -->", "<!-- f\xfc\xdfe -->".encode("latin-1")
+
+
+@pytest.mark.parametrize(("whole", "parts", "changed"), [
+    (PART.encode() + DASHES, {"meshes/sole.obj": CORNERS}, "meshes/sole.obj"),
+    (DASHES + PART.encode(), {"meshes/sole.obj": CORNERS}, "meshes/sole.obj"),
+    (UMLAUT + PART.encode(), {"meshes/sole.obj": CORNERS}, "meshes/sole.obj"),
+    *((ATTACHED.encode(), LEGS, f"{side}/meshes/sole.obj") for side in "ab"),
+    *((NESTED.encode(), PARTS, f"{side}/inner.xml") for side in "ab"),
+])  # fmt: skip
+def test_a_change_is_noticed_of_any_file_that_mujoco_reads(tmp_path, whole, parts, changed):
+    """With comments that are no XML, bytes that are no text, and one name in two folders."""
+    for name, content in {
+        "whole.xml": whole,
+        **{name: text.encode() for name, text in parts.items()},
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(content)
+    model = str(tmp_path / "whole.xml")
+    mujoco.MjModel.from_xml_path(model)  # it is one
+    before = model_place.model_digest(model)
+    (tmp_path / changed).write_text(f"{parts[changed]}\n")
+    assert model_place.model_digest(model) != before
+
+
+def test_a_mesh_that_changes_within_a_second_is_read_again(pieces, tmp_path):
+    """MuJoCo keeps meshes by path and second."""
+    sizes = []
+    for content in (CORNERS, CORNERS.replace("1 0 0", "2 0 0")):
+        (tmp_path / "meshes" / "sole.obj").write_text(content)
+        os.utime(tmp_path / "meshes" / "sole.obj", (1e9, 1e9))
+        sizes.append(np.ptp(model_place.read_model(str(tmp_path / "whole.xml")).compile().mesh_vert))
+    assert sizes[0] != sizes[1]
 
 
 def test_a_large_file_is_read_again_when_it_changes(tmp_path, monkeypatch):

@@ -117,6 +117,19 @@ def test_inertias_of_shapes_are_the_shapes(robot_of, rule):
         np.testing.assert_allclose(trunk.ipos, (0.0, 0.0, 0.2), atol=1e-12)
 
 
+@pytest.mark.parametrize(("rule", "mass"), [("true", 3.0), ("auto", 1.0), ("false", 1.0)])
+def test_an_attached_model_has_its_own_rule_of_inertias(file_of, tmp_path, rule, mass):
+    (tmp_path / "foot.xml").write_text(
+        f'<mujoco><compiler inertiafromgeom="{rule}"/><worldbody><body name="pad">'
+        '<inertial mass="1" pos="0 0 0" diaginertia=".01 .01 .01"/>'
+        '<geom type="box" size=".1 .05 .01" mass="3"/></body></worldbody></mujoco>'
+    )
+    words = Wording(extra='<attach model="foot" prefix="own_" body="pad"/>').text()
+    asset = '<asset><model name="foot" file="foot.xml"/></asset><worldbody>'
+    source = read_source(file_of(words.replace("<worldbody>", asset)).model)
+    assert source.model.body("own_pad").mass == mass
+
+
 DEFAULTS = (
     '<geom contype="0" conaffinity="2" friction="3 1 1" condim="6" margin=".1" gap=".05" solref=".3 1"/>'
     '<joint armature="9" frictionloss="20" stiffness="8" margin=".3" solimplimit=".5 .6 .1"/>'
@@ -163,6 +176,45 @@ ASSETS = (
 )
 
 
+PAINT = (
+    '<asset><material name="red" rgba="1 0 0 1"/><texture name="dots" type="2d" builtin="flat" width="4" '
+    'height="4"/></asset>'
+)
+
+
+@pytest.mark.parametrize("words", [
+    Wording(extra='<site name="hand" material="red"/>').text(),
+    Wording().text(scene='<light texture="dots" type="image"/>'),
+])  # fmt: skip
+def test_sites_and_lights_may_have_materials_and_textures(robot_of, plain, words):
+    painted = words.replace("<worldbody>", f"{PAINT}<worldbody>")
+    np.testing.assert_array_equal(robot_of(painted).model.body_mass, plain.body_mass)
+
+
+CORNERS = "0 0 0 .1 0 0 0 .1 0 0 0 .1"
+OBJ = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.mark.parametrize("mesh", [f'vertex="{CORNERS}"', 'builtin="sphere" params="1"', "attached"])
+def test_meshes_that_have_no_file_or_another_models_are_drawn_and_collide(robot_of, tmp_path, mesh):
+    asset, shape = f'<mesh name="m" {mesh}/>', '<geom type="mesh" mesh="m" mass="0"/>'
+    if mesh == "attached":
+        (tmp_path / "arm" / "meshes").mkdir(parents=True)
+        (tmp_path / "arm" / "meshes" / "m.obj").write_text(OBJ)
+        (tmp_path / "arm" / "arm.xml").write_text(
+            '<mujoco><compiler meshdir="meshes"/><asset><mesh name="m" file="m.obj"/></asset><worldbody>'
+            f'<body name="arm"><inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>{shape}</body></worldbody>'
+            "</mujoco>"
+        )
+        asset, shape = (
+            '<model name="arm" file="arm/arm.xml"/>',
+            '<attach model="arm" prefix="own_" body="arm"/>',
+        )
+    words = Wording(extra=shape).text()
+    robot = robot_of(words.replace("<worldbody>", f"<asset>{asset}</asset><worldbody>"))
+    assert robot.picture.nmesh == altered_model(robot, ModelErrors(collisions=True)).nmesh == 1
+
+
 def test_names_of_the_model_may_be_those_of_added_parts(robot_of, plain):
     robot = robot_of(Wording(extra=OURS).text(after=ASSETS))
     for name in ("geom_type", "geom_size", "site_pos", "pair_geom1", "sensor_type"):
@@ -203,6 +255,63 @@ def test_the_largest_torque_is_what_joint_and_actuators_let_through(file_of, sai
     source = read_source(file_of(Wording().text(after=f"<actuator>{said}</actuator>")).model)
     assert source.torques["left_knee"] == torque
     assert source.torques["right_knee"] == 200.0
+
+
+def test_rotors_of_motors_add_to_the_armature_of_their_joint(robot_of, tmp_path):
+    """J + gear^2 J_m, as MuJoCo has it on the diagonal of the mass matrix."""
+    motor = '<motor joint="left_knee" gear="3" ctrlrange="-100 100" armature=".05"/>'
+    model = robot_of(Wording().text(after=f"<actuator>{motor}</actuator>")).model
+    assert model.joint("left_knee").armature[0] == pytest.approx(0.02 + 9.0 * 0.05)
+    assert model.joint("right_knee").armature[0] == 0.02
+    whole = mujoco.MjModel.from_xml_path(str(tmp_path / "worded.xml"))
+    ours, theirs = (one.joint("left_knee").M0[0] for one in (model, whole))
+    assert ours == pytest.approx(theirs, rel=1e-9)
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ('mass="20"', 'mass="nan"', "mass of body 'trunk' in the model {} must be finite, got nan"),
+    ('mass="20"', 'mass="inf"', "mass of body 'trunk' in the model {} must be finite, got inf"),
+    ('pos="0 0 .1"', 'pos="0 0 nan"', "pos of body 'trunk' in the model {} must be finite, got 0 0 nan"),
+    (".8 .7 .3", ".8 nan .3", "inertia of body 'trunk' in the model {} must be finite, got 0.8 nan 0.3"),
+    ("-0.05 2.2", "nan nan", "range of joint 'left_knee' in the model {} must be finite, got nan nan"),
+    ('armature=".02"', 'armature="inf"',
+     "armature of joint 'left_hip_yaw' in the model {} must be finite, got inf"),
+    ("</mujoco>", '<actuator><motor name="m" joint="left_knee" ctrlrange="nan nan"/></actuator></mujoco>',
+     "ctrlrange of actuator 'm' in the model {} must be finite, got nan nan"),
+])  # fmt: skip
+def test_a_number_that_is_not_finite_is_refused_by_name(
+    file_of, capfd, monkeypatch, tmp_path, old, new, message
+):
+    """And MuJoCo warns of it neither on the terminal nor in a log."""
+    monkeypatch.chdir(tmp_path)
+    file = file_of(Wording().text().replace(old, new))
+    with pytest.raises(InvalidValueError) as refused:
+        read_source(file.model)
+    assert str(refused.value) == message.format(repr(file.model))
+    assert capfd.readouterr() == ("", "")
+    assert [path.name for path in tmp_path.iterdir()] == ["worded.xml"]
+
+
+@pytest.mark.parametrize(("bounds", "limited", "found"), [
+    ("-inf inf", False, (0.0, 0.0)), ("-.05 inf", True, (-0.05, np.finfo(float).max)),
+])  # fmt: skip
+def test_a_range_without_ends_is_none(robot_of, bounds, limited, found):
+    model = robot_of(Wording().text().replace("-0.05 2.2", bounds)).model
+    assert model.joint("left_knee").limited == limited
+    assert tuple(model.joint("left_knee").range) == found
+
+
+def test_an_infinite_torque_is_no_bound(file_of):
+    words = Wording().text().replace('actuatorfrcrange="-200.0 200.0"', 'actuatorfrcrange="-inf inf"')
+    motor = '<actuator><motor joint="left_knee" ctrlrange="-50 50"/></actuator></mujoco>'
+    torques = read_source(file_of(words.replace("</mujoco>", motor)).model).torques
+    assert torques["left_knee"] == 50.0
+    assert "right_knee" not in torques
+
+
+def test_what_mujoco_warns_of_is_not_told(file_of, recwarn):
+    read_source(file_of(Wording().text().replace("<compiler ", '<compiler settotalmass="46" ')).model)
+    assert not recwarn.list
 
 
 def test_a_range_that_does_not_limit_is_none(file_of):
@@ -290,8 +399,14 @@ def test_floors_targets_and_shapes_for_the_eye_may_stand_beside_it(robot_of, pla
     scene = (
         '<body name="ground"><geom type="plane" size="5 5 1"/></body><body name="target" mocap="true">'
         '<geom size=".1" contype="0" conaffinity="0"/></body><geom type="box" size="1 1 .1" pos="3 0 0"/>'
+        f'<body name="house">{20 * """<body><geom size=".1" contype="0" conaffinity="0"/></body>"""}</body>'
     )
     np.testing.assert_array_equal(robot_of(Wording().text(scene=scene)).model.body_pos, plain.body_pos)
+
+
+def test_a_long_chain_of_bodies_is_one_robot(robot_of, plain):
+    chain = "".join(f'<body name="link {i}">' for i in range(450)) + 450 * "</body>"
+    assert robot_of(Wording(extra=chain).text()).model.nbody == plain.nbody + 450
 
 
 def test_a_slide_and_a_hinge_that_are_fixed_keep_their_place(robot_of, tmp_path):

@@ -169,6 +169,14 @@ def test_distribution_round_trip_and_bounds():
         PushDistribution.from_dict({"impuls_min": 1.0})
 
 
+@pytest.mark.parametrize("bodies", [5, None, "pelvis"])
+def test_bodies_are_a_sequence_of_names(bodies):
+    message = f"PushDistribution.bodies must be a sequence of str, got {bodies!r}"
+    for make in PushDistribution, lambda bodies: PushDistribution.from_dict({"bodies": bodies}):
+        with pytest.raises(InvalidValueError, match=f"^{message}$"):
+            make(bodies=bodies)
+
+
 def test_the_hardest_push_of_a_distribution_is_one_that_a_push_may_have():
     PushDistribution(impulse_max=1e7 * 0.1, push_duration=0.1)
     for impulse, duration in ((1e6 + 1.0, 0.1), (80.0, 1e-300), (1e308, 0.1)):

@@ -158,6 +158,11 @@ def test_a_robot_feels_the_jumps_as_kicks_and_goes_on_from_a_snapshot():
         env.restore(snapshot, replace(plain, kicks=()))
 
 
+@dataclass(frozen=True)
+class Unfinished(Disturbance):
+    json_name = "unfinished"
+
+
 def test_a_robot_without_jumps_refuses_them():
     with pytest.raises(InvalidValueError, match="takes no kicks"):
         PendulumEpisodes(1).begin(0, Scenario("a", disturbances=(HIT,)))
@@ -174,5 +179,11 @@ def test_what_is_no_disturbance_is_refused():
         read_disturbance({"kind": "double tap", "force": [1, 0, 0], "duration": 1, "start": 0, "strength": 3})
     with pytest.raises(InvalidValueError, match="must hold Disturbance objects, got 1"):
         Scenario("a", disturbances=(1,))  # type: ignore[arg-type]
+    for forces, words in ((None, "be a sequence of Push, got None"), ((1,), "hold Push objects, got 1")):
+        other = type("Other", (DoubleTap,), {"forces": forces})(**vars(TAP))
+        with pytest.raises(InvalidValueError, match=rf"^Other\.forces must {words}$"):
+            Scenario("a", disturbances=(other,))
+    with pytest.raises(InvalidValueError, match="a class of a disturbance must define mirrored, scaled, got"):
+        register_disturbance(Unfinished)
     with pytest.raises(InvalidValueError, match="kind 'push' is registered already"):
         register_disturbance(type("Other", (DoubleTap,), {"json_name": "push"}))

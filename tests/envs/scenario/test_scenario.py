@@ -4,6 +4,7 @@ Scenarios for a robot of another size: forces, times, lengths and what follows f
 """
 
 import math
+import re
 from dataclasses import replace
 
 import gymnasium as gym
@@ -25,6 +26,7 @@ from push_recovery.envs.scenario.scenario import (
     StartOffset,
     get_profile,
     get_profiles,
+    one_of_each,
 )
 
 TURN = Command(0.3, turn=0.2)
@@ -63,7 +65,7 @@ def test_an_episode_waits_for_the_last_change():
     ("make", "message"),
     [
         (lambda: Command(turn=0.61), r"Command.turn \[rad/s\] must be in \[-0.6, 0.6\], got 0.61"),
-        (lambda: CommandChange(0.0, Command()), r"CommandChange.time \[s\] must be in \(0, inf\], got 0"),
+        (lambda: CommandChange(0.0, Command()), r"CommandChange.time \[s\] must be in \(0, 1e\+06\], got 0"),
         (lambda: CommandChange(math.inf, Command()), "must be finite, got inf"),
         (lambda: CommandChange(1.0, 0.3), "CommandChange.command must be a Command, got 0.3"),  # type: ignore[arg-type]
         (lambda: Scenario("a", changes=(PUSH,)), "must hold CommandChange objects, got Push"),  # type: ignore[arg-type]
@@ -74,6 +76,65 @@ def test_an_episode_waits_for_the_last_change():
 def test_an_impossible_change_is_refused(make, message):
     with pytest.raises(InvalidValueError, match=message):
         make()
+
+
+LATE, LARGE = 1e300, 10**5000
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Scenario("a", settle_time=LATE),
+         "Scenario.settle_time [s] must be in (0, 1e+06], got 1e+300"),
+        (lambda: Scenario("a", duration=LATE), "Scenario.duration [s] must be in (0, 1e+06], got 1e+300"),
+        (lambda: CommandChange(LATE, TURN), "CommandChange.time [s] must be in (0, 1e+06], got 1e+300"),
+        (lambda: Push((1.0, 0.0, 0.0), 0.1, LATE), "Push.start [s] must be in [0, 1e+06], got 1e+300"),
+        (lambda: Push(b"abc", 0.1, 0.0), "Push.force [N] must have 3 entries (x, y, z), got b'abc'"),  # type: ignore[arg-type]
+        (lambda: Kick((0.1, 0.0, 0.0), LATE), "Kick.start [s] must be in [0, 1e+06], got 1e+300"),
+        (lambda: PushDistribution(settle_time=LATE),
+         "PushDistribution.settle_time [s] must be in (0, 1e+06], got 1e+300"),
+        (lambda: Scenario("a", errors=LARGE),  # type: ignore[arg-type]
+         "Scenario.errors must be ModelErrors, got a int of thousands of digits"),
+        (lambda: Scenario.from_dict({"id": "a", "pushes": "x" * 999}),
+         f"scenario pushes must be a list, got '{'x' * 199}... (1001 characters)"),
+        (lambda: get_profiles(5), "unknown profile 5 (valid: exact, collisions, hardware, weighed)"),  # type: ignore[arg-type]
+    ],
+)  # fmt: skip
+def test_what_is_impossible_is_refused_in_one_line(make, message):
+    with pytest.raises(PushRecoveryError, match=f"^{re.escape(message)}$"):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("", "''"), (5, "5"), ("\ud800", r"'\ud800'"), ("a\n\x1b[31m", r"'a\n\x1b[31m'"),
+        ("a" * 1001, f"'{'a' * 199}... (1003 characters)"), (LARGE, "a int of thousands of digits"),
+    ],
+    ids=range(6),
+)  # fmt: skip
+def test_an_id_can_be_printed_and_written(name, told):
+    message = f"Scenario.id must be 1 to 1000 printable characters, got {told}"
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}$"):
+        Scenario(name)
+    assert Scenario("\u00e4 b/c~" * 100).id == "\u00e4 b/c~" * 100
+
+
+def test_one_of_each_asks_of_a_robot_what_all_of_them_do():
+    """Other numbers ask for nothing new; a delay does, since robots have control steps of their own."""
+    weak, strong = Scenario("weak", (PUSH,)), Scenario("strong", (replace(PUSH, force=(99.0, 0.0, 0.0)),))
+    new = [
+        replace(strong, id="body", pushes=(replace(PUSH, body="trunk"),)),
+        replace(strong, id="turn", command=TURN),
+        replace(strong, id="kick", kicks=(Kick((0.1, 0.0, 0.0), 1.0),)),
+        replace(strong, id="mass", errors=ModelErrors(mass=0.1)),
+        replace(strong, id="delay", errors=ModelErrors(delay=0.002)),
+        replace(strong, id="late", errors=ModelErrors(delay=0.003)),
+        replace(strong, id="cone", physics=PhysicsOptions(cone="elliptic")),
+        replace(strong, id="senses", sensing="onboard"),
+    ]
+    heavier = replace(strong, id="heavier", errors=ModelErrors(mass=0.2))
+    assert list(one_of_each([weak, strong, *new, heavier, weak])) == [weak, *new]
 
 
 def test_an_unknown_key_is_refused():

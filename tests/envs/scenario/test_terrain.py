@@ -2,7 +2,9 @@
 
 import json
 import math
+import re
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -180,6 +182,77 @@ def test_what_is_no_terrain_is_refused():
     with pytest.raises(PushRecoveryError, match="pendulum has no model error 'terrain'"):
         PendulumEpisodes(1).begin(0, on(Stair(0.2, 0.03)))
     assert mujoco.mj_name2id(biped().model, mujoco.mjtObj.mjOBJ_GEOM, "stair") < 0
+
+
+class Plain(Terrain):
+    json_name = "plain"
+
+
+@dataclass
+class Loose(Terrain):
+    json_name = "loose"
+
+
+@dataclass(frozen=True)
+class Sorted(Terrain):
+    json_name = "sorted"
+    kind: str = "a"
+
+
+NAMELESS, NUMBERED = (type("Named", (Stair,), {"json_name": name}) for name in ("", 5))
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        (None, "be a subclass of Terrain, got None"),
+        ("stairs", "be a subclass of Terrain, got 'stairs'"),
+        (Stair(0.2, 0.03), "be a subclass of Terrain, got Stair(start=0.2, rise=0.03)"),
+        (Pattern, f"be a subclass of Terrain, got {Pattern}"),
+        (Plain, f"be a frozen dataclass, got {Plain}"),
+        (Loose, f"be a frozen dataclass, got {Loose}"),
+        (NAMELESS, f"have a json_name of printable characters, got {NAMELESS}"),
+        (NUMBERED, f"have a json_name of printable characters, got {NUMBERED}"),
+        (Sorted, f"have no field 'kind', got {Sorted}"),
+    ],
+)
+def test_a_class_that_no_scenario_can_have_is_not_registered(kind, words):
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(f'a class of a terrain must {words}')}$"):
+        register_terrain(kind)
+
+
+@register_terrain
+@dataclass(frozen=True)
+class Faulty(Terrain):
+    """What goes wrong with it is what it is made with."""
+
+    json_name = "faulty"
+
+    geom: str = ""
+    high: Any = 0.0
+
+    def shape(self, spec, soles):
+        spec.worldbody.add_geom(name=self.geom, size=[1.0, 1.0, 1.0])
+
+    def height(self, x, y, pattern):
+        return self.high
+
+
+@pytest.mark.parametrize(
+    ("terrain", "message"),
+    [
+        (Faulty(high=math.nan), "Faulty.height [m] at the start must be finite, got nan"),
+        (Faulty(high=None), "Faulty.height [m] at the start must be a number, got None"),
+        (Faulty(high="x"), "Faulty.height [m] at the start must be a number, got 'x'"),
+        (Faulty(geom=5), "terrain Faulty can't be added to the model: "),  # type: ignore[arg-type]
+        (Faulty(geom="floor"), "terrain Faulty can't be added to the model: "
+         "ValueError(\"Error: repeated name 'floor' in geom\")"),
+    ],
+)  # fmt: skip
+def test_a_terrain_that_fails_at_the_run_is_named(terrain, message):
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}") as caught:
+        altered_model(biped(), ModelErrors(terrain=terrain))
+    assert "\n" not in str(caught.value)
 
 
 def test_stairs_go_up_and_down_again_tread_by_tread():

@@ -1,6 +1,8 @@
 """What the planner's timings are of."""
 
 import time
+from itertools import accumulate, cycle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -88,3 +90,14 @@ def test_a_solver_that_is_not_installed_is_named(met, monkeypatch):
     monkeypatch.setattr(bench_solvers, "MODULES", dict.fromkeys(bench_solvers.MODULES, "no_such_module"))
     content = solver_timings(policy, observations)
     assert content == {"solvers_missing": ["daqp", "osqp", "quadprog", "proxqp"]}
+
+
+def test_a_batch_is_timed_by_the_plan(met, monkeypatch):
+    """A clock on which every call lasts 1 ms, 77 us apart: of 8 plans 125 us each."""
+    _, policy, observations = met
+    ticks = accumulate(cycle([77_000, 1_000_000]))
+    monkeypatch.setattr(bench_solvers, "time", SimpleNamespace(perf_counter_ns=lambda: next(ticks)))
+    found = bench_solvers.batch_planner_timings(policy, observations[:8])
+    assert found == pytest.approx(
+        {"stage_1_batch_us": 125.0, "stage_2_batch_us": 125.0, "plan_batch_us": 125.0}
+    )

@@ -193,6 +193,51 @@ def test_rows_with_missing_fields_are_named(tmp_path):
             store(tmp_path)
 
 
+def test_rows_that_a_check_refuses_are_named_by_their_line(tmp_path):
+    """The first of two rows of one key is the one that counts."""
+    store(tmp_path).close()
+    rows = [{"policy": name, "recovered": ok} for name, ok in (("a", True), ("a", 1), ("b", 2))]
+    (tmp_path / "outcomes.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+
+    def check(row):
+        if row["recovered"] is not True:
+            raise InvalidValueError(f"recovered is {row['recovered']}")
+
+    with store(tmp_path) as kept, pytest.raises(InvalidValueError) as refused:
+        kept.check_rows(check)
+    assert str(refused.value) == f"'{tmp_path}/outcomes.jsonl' line 3 is no outcome: recovered is 2"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["config.json", "outcomes.jsonl"]
+
+
+@pytest.mark.parametrize("mine", [True, False])
+def test_a_run_that_fails_before_its_first_row_leaves_nothing(tmp_path, mine):
+    place = tmp_path / "a" / "b"
+    if mine:
+        place.mkdir(parents=True)
+    with pytest.raises(InvalidValueError, match="no such push"), store(place):
+        raise InvalidValueError("no such push")
+    assert list(tmp_path.rglob("*")) == ([place.parent, place] if mine else [])
+
+
+def test_a_run_that_fails_leaves_its_rows_and_a_directory_that_was_there(tmp_path):
+    store(tmp_path / "empty").close()
+    for place, rows in ((tmp_path / "empty", ()), (tmp_path / "new", ("a",))):
+        begun = store(place)
+        for name in rows:
+            begun.append({"policy": name, "recovered": True})
+        with pytest.raises(InvalidValueError, match="no such push"), begun:
+            raise InvalidValueError("no such push")
+        assert (place / "config.json").is_file()
+        with store(place) as again:
+            assert list(again.rows) == [(name,) for name in rows]
+
+
+def test_a_name_that_no_file_can_have_is_refused():
+    with pytest.raises(InvalidValueError) as refused:
+        store_rows.read_content(Path("a\0.json"), "preset file")
+    assert str(refused.value) == "cannot read preset file 'a\\x00.json': embedded null byte"
+
+
 def test_a_configuration_that_is_no_text_is_named(tmp_path):
     (tmp_path / "config.json").write_bytes(b"\xff\xfe{}")
     with pytest.raises(InvalidValueError, match=r"config\.json"):

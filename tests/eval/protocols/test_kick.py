@@ -129,3 +129,15 @@ def test_no_moment_before_its_end_is_stable(start, duration, moments, stable):
         measures.take(time, 0.79, speed, 0.0)
     outcome = Outcome.of(Scenario("k"), "p", Ending(False, 10.0, None, None, 0.0), 1)
     assert measures.entries(outcome)["time_to_stable"] == pytest.approx(stable)
+
+
+def test_a_force_gives_a_lighter_robot_the_same_jump():
+    pairs = zip(kick_scenarios("force", 2, 30.0)[200], kick_scenarios("stated", 2)[200], strict=True)
+    for force, kick in pairs:
+        (push,), (jump,) = force.pushes, kick.kicks
+        assert np.array(push.impulse) / 30.0 == pytest.approx(np.array(jump.velocity), abs=1e-5)
+
+
+def test_stable_is_slower_than_fifteen_centimetres_a_second():
+    moments = (2.1, 0.79, 0.5, 0.0), (2.5, 0.79, 0.151, 0.0), (2.7, 0.79, 0.149, 0.0)
+    assert measured(*moments)["time_to_stable"] == pytest.approx(0.7)

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
@@ -118,6 +119,13 @@ def test_bad_input(argv, message, capsys, tmp_path):
     assert message in capsys.readouterr().err
 
 
+def test_arms_that_no_policy_moves_leave_nothing_behind(capsys, tmp_path):
+    argv = ["protocol", "tour", "--arms", "held", "--episodes", "1", "--workers", "1", "--out", str(tmp_path)]
+    assert main(argv) == 2
+    assert "the harness drives the arms only under a policy that drives all joints" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 def kick_row(force: int, **told) -> dict:
     base = {"scenario_id": f"kick-stated-{force}-007", "stood": True, "survived": True, "recovered": False}
     return {**base, "time_to_stable": 0.5, "peak_tilt_deg": 8.0, **told}
@@ -186,3 +194,20 @@ def test_a_tour_lasts_90_s_at_most_and_published_cells_stand_under_their_columns
     published = tour_table(Results(protocol, BIPED, {}, tmp_path)).rows[0]
     assert published[0] == "gr00t_wbc h066_p012 (published)"
     assert published[1:] == ("5120", "80/69 %", "", "84.9/82.2", "16/49", "7/8")
+
+
+def test_the_command_kicks_by_the_mass_of_its_robot(monkeypatch):
+    asked = []
+
+    def stop(protocol, *_):
+        asked.append(protocol)
+        raise InvalidValueError("enough")
+
+    light = SimpleNamespace(robot=RobotModel(mass=30.0))
+    monkeypatch.setattr(running, "biped_of", lambda env_id, whole=False: light)
+    monkeypatch.setattr(running, "run_protocol", stop)
+    assert main(["protocol", "kick", "--form", "force", "--episodes", "1", "--workers", "1"]) == 2
+    jumps = [level[0].kicks[0].velocity for level in kick_scenarios("stated", 1).values()]
+    assert len(asked[0].scenarios) == len(jumps) == len(LEVELS)
+    for scenario, jump in zip(asked[0].scenarios, jumps, strict=True):
+        assert [part / 30.0 for part in scenario.pushes[0].impulse] == pytest.approx(jump, abs=1e-5)

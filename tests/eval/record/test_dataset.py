@@ -1,12 +1,13 @@
 """Data sets hold what happened: their actions, played to the environment again, give the same numbers."""
 
 import os
+import shutil
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
-from push_recovery.controllers.errors import InvalidValueError, MissingExtraError
+from push_recovery.controllers.errors import InvalidValueError, MissingExtraError, UnknownNameError
 from push_recovery.controllers.settings import PresetFile
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
@@ -108,6 +109,68 @@ def test_what_is_stopped_leaves_nothing_half_written(root, monkeypatch):
         written("two-stage", env_id=PENDULUM)
     assert list(root.iterdir()) == []
     assert os.environ[dataset.ROOT] == str(root)
+
+
+@pytest.mark.parametrize(
+    ("file", "content"),
+    [
+        (".", b""), ("data", None), ("data/metadata.json", None), ("data/metadata.json", b"{"),
+        ("data/metadata.json", b"[]"), ("data/metadata.json", b"{}"), ("data/main_data.hdf5", None),
+        ("data/main_data.hdf5", b"garbage"),
+    ],
+)  # fmt: skip
+def test_a_damaged_data_set_is_named_and_left(root, file, content):
+    """What is wrong is told in Minari's words, which are its own business; some are none."""
+    written("two-stage", SCENARIOS[:1], env_id=PENDULUM)
+    place = root / "push-recovery/pendulum/mine-two-stage-v0"
+    path = place / file
+    shutil.rmtree(path) if path.is_dir() else path.unlink()
+    if content is not None:
+        path.write_bytes(content)
+    there = list(root.rglob("*"))
+    said = rf"^'{place}' is no whole data set \(\w+\(.*\)?.*\): delete it, or choose another --out$"
+    with pytest.raises(InvalidValueError, match=said):
+        written("two-stage", SCENARIOS[:1], env_id=PENDULUM)
+    assert list(root.rglob("*")) == there
+
+
+def test_an_episode_that_does_not_say_what_became_of_it_is_damage(root):
+    h5py = pytest.importorskip("h5py")
+    written("two-stage", SCENARIOS[:1], env_id=PENDULUM)
+    place = root / "push-recovery/pendulum/mine-two-stage-v0"
+    with h5py.File(place / "data/main_data.hdf5", "a") as file:
+        del file["episode_0"].attrs["recovered"]
+    with pytest.raises(InvalidValueError) as refused:
+        written("two-stage", SCENARIOS[:1], env_id=PENDULUM)
+    assert str(refused.value) == (
+        f"{str(place)!r} is no whole data set (KeyError('recovered')): delete it, or choose another --out"
+    )
+
+
+@pytest.mark.parametrize(
+    ("out", "file"), [("file", "file"), ("file/x", "file"), ("sets", "sets/push-recovery")]
+)
+def test_a_place_that_cannot_be_written_to_is_named_before_anything_is_run(tmp_path, monkeypatch, out, file):
+    monkeypatch.setattr(dataset, "collect", None)
+    (tmp_path / "sets").mkdir()
+    (tmp_path / file).touch()
+    with pytest.raises(InvalidValueError) as refused:
+        written("two-stage", env_id=PENDULUM, root=tmp_path / out)
+    place = tmp_path / file / "mine-two-stage-v0"
+    assert str(refused.value) == f"can't write to '{place}': its folder is a file"
+
+
+def test_policies_of_which_one_is_none_or_has_the_name_of_another_are_not_run(root, tmp_path, monkeypatch):
+    monkeypatch.setattr(dataset, "collect", None)
+    with pytest.raises(UnknownNameError, match="unknown policy 'x'"):
+        written(["two-stage", "x"], env_id=PENDULUM)
+    with pytest.raises(InvalidValueError) as refused:
+        written({"a b": "two-stage", "a+b": "two-stage"}, env_id=PENDULUM)
+    assert str(refused.value) == (
+        "policies 'a b' and 'a+b' would have one data set, 'push-recovery/pendulum/mine-a-b-v0': write them "
+        "apart, or rename a file"
+    )
+    assert not root.exists()
 
 
 def test_names_are_those_that_minari_takes():

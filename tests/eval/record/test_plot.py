@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 from matplotlib.axes import Axes
 from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.eval.cli.main import main
 from push_recovery.eval.record import style
 from push_recovery.eval.record.plot import LearningCurve, learning_curve, save_learning_curves
 
@@ -43,6 +44,33 @@ def test_a_file_that_tells_of_no_training_is_refused(file, text):
     file.unlink()
     with pytest.raises(InvalidValueError, match="cannot read the policy description"):
         learning_curve(str(file))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "said"),
+    [
+        ("recovered", 10**400, f"be finite, got 1{'0' * 199}... (401 characters): no float is so large"),
+        ("recovered", float("nan"), "be finite, got nan"), ("recovered", 5, "be in [0, 1], got 5"),
+        ("recovered", "1", "be a number, got '1'"), ("timesteps", -1, "be in [0, inf], got -1"),
+        ("scenarios", 0, "be an integer in [1, 1000000000], got 0"),
+    ],
+)  # fmt: skip
+def test_an_impossible_point_of_a_curve_is_named_before_anything_is_printed(file, field, value, said, capsys):
+    points = [{**POINTS[0], field: value}, POINTS[1]]
+    file.write_text(json.dumps({"training": {"settings": {"profile": "exact"}, "curve": points}}))
+    assert main(["curves", str(file), "--out", str(file.parent / "out")]) == 2
+    told = capsys.readouterr()
+    expected = f"push-recovery: error: {file} does not tell how its policy learned: {field} must {said}\n"
+    assert (told.out, told.err) == ("", expected)
+    assert not (file.parent / "out").exists()
+
+
+def test_a_file_in_place_of_the_folder_is_named_before_anything_is_printed(file, capsys, monkeypatch):
+    monkeypatch.chdir(file.parent)
+    assert main(["curves", "mine.json", "--out", "mine.json"]) == 2
+    told = capsys.readouterr()
+    expected = "push-recovery: error: can't write to 'mine.json/curves-mine.json.png': its folder is a file\n"
+    assert (told.out, told.err) == ("", expected)
 
 
 def test_the_figure_has_the_curves_and_the_lines(file, tmp_path, monkeypatch):

@@ -235,3 +235,44 @@ def test_a_profile_is_how_many_strata_lie_above(monkeypatch):
     (axes,) = headline.profile_figure(scores, np.repeat([0, 1], 4)).axes
     for line, shares in zip(axes.lines, ((100.0, 0.0), (50.0, 50.0)), strict=True):
         assert np.interp([47.0, 51.0], line.get_xdata(), line.get_ydata()) == pytest.approx(shares)
+
+
+def test_a_lead_is_told_with_newcombes_interval_low_end_first():
+    """Newcombe (1998): 0.0569 to 0.3404; p = 2 (1 + 14 + 91) / 2^14."""
+    assert headline.sureness(PairedCounts(36, 12, 2, 0)) == (
+        "a lead that chance is unlikely to make "
+        "(+20.0 points, 95 % interval +5.7 to +34.0; exact McNemar p = 0.013)"
+    )
+
+
+def test_a_p_above_a_twentieth_is_too_few():
+    """9 : 2 is 2 (1 + 11 + 55) / 2^11 = 0.065."""
+    assert headline.sureness(PairedCounts(20, 9, 2, 5)).startswith("too few to say that it is better")
+
+
+def test_a_p_above_a_thousandth_is_only_unlikely():
+    """11 : 1 is 2 (1 + 12) / 2^12 = 0.0063."""
+    words = headline.sureness(PairedCounts(20, 11, 1, 5))
+    assert words.startswith("a lead that chance is unlikely to make")
+
+
+def test_the_interval_of_an_improvement_is_of_the_same_side(monkeypatch):
+    """Every seed of the one recovers all, of the other nothing, under any draw."""
+    monkeypatch.setattr(headline, "DRAWS", 50)
+    strata = np.repeat([0, 1], 4)
+    assert headline._improvement(np.ones((3, 8)), np.zeros((2, 8)), strata) == "100 % (100 to 100)"
+
+
+def test_pushes_of_an_improvement_are_drawn_within_their_strata(monkeypatch):
+    """One wins all of the first stratum, the other all of the second: a half under any draw within them."""
+    monkeypatch.setattr(headline, "DRAWS", 50)
+    a, strata = np.tile(np.repeat([1.0, 0.0], 4), (2, 1)), np.repeat([0, 1], 4)
+    assert headline._improvement(a, 1.0 - a, strata) == "50 % (50 to 50)"
+
+
+def test_pushes_of_an_interquartile_mean_are_drawn_within_their_strata(monkeypatch):
+    """Rates of the strata are 1 and 0 of both seeds under any draw within them; their mean is a half."""
+    monkeypatch.setattr(headline, "DRAWS", 200)
+    scores = np.tile(np.repeat([1.0, 0.0], 4), (2, 1))
+    cells = headline._cells(scores, np.repeat([0, 1], 4))
+    assert cells == ("2", "4.0 (4 to 4)", "50.0 % (50.0 to 50.0)")

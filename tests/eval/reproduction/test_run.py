@@ -193,3 +193,35 @@ def test_a_claim_about_the_motion_differs_where_its_number_is_off(case, change, 
     changed["scenario_1_cases"][case] = {**CASE, **change}
     assert verdicts(CONTENT)[claim].startswith(REPRODUCED)
     assert verdicts(changed)[claim].startswith(DIFFERS)
+
+
+@pytest.mark.parametrize(
+    ("forces", "word"),
+    [((1108, 633, 402), REPRODUCED), ((1108, 402, 633), DIFFERS), ((600, 633, 402), DIFFERS)],
+)
+def test_sideways_is_less_than_forward_and_least_inward(forces, word):
+    changed = copy.deepcopy(CONTENT)
+    changed["scenario_2"]["two-stage"] = entries(*forces)
+    claim = "Sideways the robot recovers from less than otherwise, since the feet must not collide"
+    assert verdicts(changed)[claim].startswith(word)
+
+
+def test_two_stages_are_ahead_with_the_scaled_weights_too():
+    changed = copy.deepcopy(CONTENT)
+    changed["scenario_2_overview"]["two-stage"]["ratio_to_stage_1_min"] = 0.9
+    claim = "Two stages recover from larger pushes than stage 1 in every direction (Fig. 7)"
+    assert (verdicts(CONTENT)[claim], verdicts(changed)[claim]) == (REPRODUCED, DIFFERS)
+
+
+@pytest.mark.parametrize(
+    ("change", "claim"),
+    [
+        ({"final_speed": 0.56}, "(b) It resumes the commanded speed"),
+        ({"final_speed": 0.44}, "(b) It resumes the commanded speed"),
+        ({"cop_to_inner_edge": 0.03}, "(b) The CoP leans to the inner edge of the sole"),
+    ],
+)
+def test_a_number_a_little_off_is_no_reproduction(change, claim):
+    changed = copy.deepcopy(CONTENT)
+    changed["scenario_1_cases"]["two-stage-paper"] = {**CASE, **change}
+    assert (verdicts(CONTENT)[claim], verdicts(changed)[claim]) == (REPRODUCED, DIFFERS)

@@ -197,7 +197,7 @@ def test_a_part_of_the_paper_keeps_the_others_on_the_page(small, tmp_path):
     ("argv", "text"),
     [
         (["nonsense"], "one of ('all', 'scenario-1', 'scenario-2', 'ablations', 'limits'"),
-        (["limits", "--directions", "0"], "must be an integer >= 1, got 0"),
+        (["limits", "--directions", "0"], "must be an integer in [1, 3600], got 0"),
         (["limits", "--out", ""], "must name a directory"),
     ],
 )
@@ -312,3 +312,20 @@ def test_the_jerk_form_is_of_both_variants_of_the_paper_that_use_stage_2():
     names = "two-stage-paper", "stage-1-paper", "two-stage"
     grids = [scenarios.scan_job(Variant(name, name), 0.0).grids for name in names]
     assert grids == [(20.0, 5.0, 1.0), (5.0, 1.0), (5.0, 1.0)]
+
+
+def test_combinations_that_survive_unsettled_are_counted_as_survived_alone():
+    """4 feet x 4 widths x 2 periods x 4 samplings of each cost."""
+    variants = [variant for _, variant in scenarios.together("two-stage-paper")]
+    rows = {key(EpisodeJob(one, scenarios.PUSH, scenarios.FORCE)): {"survived": True, "recovered": False}
+            for one in variants}  # fmt: skip
+    groups = scenarios._together(rows, "two-stage-paper")
+    names = "combinations", "survived", "recovered"
+    assert [[groups[cost][name] for name in names] for cost in ("repaired", "literal")] == [[128, 128, 0]] * 2
+
+
+def test_a_hole_is_given_by_the_force_before_it_and_the_one_beyond():
+    """`rows_of` survives 1 N more beyond the first failure at 30 degrees."""
+    holes = SCENARIO_2.summary(rows_of(SCENARIO_2.jobs(12), lambda job: 100.0), 12)["scenario_2_holes"]
+    assert len(holes) == len(scenarios.VARIANTS) + len(scenarios.EXTRA_VARIANTS)
+    assert {(one["max_force_N"], one["largest_survived_N"]) for one in holes} == {(100.0, 101.0)}

@@ -148,6 +148,9 @@ LYING = 'type="cylinder" fromto="-.06 0 -.04 .12 0 -.04" size=".03"'
 DROPS = [
     f'type="ellipsoid" size=".03 .02 .01" pos="{x} {y} -.04"' for x in (-0.05, 0.1) for y in (-0.03, 0.03)
 ]
+ROD = 'type="capsule" fromto="-.06 0 -.04 .12 0 -.04" size=".03"'
+PUCKS = [f'type="cylinder" size=".05 .02" pos="{x} 0 -.04"' for x in (-0.03, 0.08)]
+POST = 'type="capsule" size=".02 .03" pos="{} 0 -.05"'
 CORNER_BALLS = [f'size="{r}" pos="{x} {y} {r - 0.06}"' for r, x, y in (
     (0.02, -0.05, -0.03), (0.01, -0.05, 0.03), (0.005, 0.13, -0.03), (0.015, 0.13, 0.03))]  # fmt: skip
 WEDGE = "-.07 -.05 -.06  -.07 .05 -.06  .13 -.05 -.06  .13 .05 -.06  -.02 -.03 0  -.02 .03 0"
@@ -178,11 +181,13 @@ def test_a_sole_of_any_shape_is_the_rectangle_that_touches_the_floor(tmp_path, s
 LEAN = 0.25  # [rad] about y: toes down
 
 
-@pytest.mark.parametrize("axis", ["pitch", "roll"])
-@pytest.mark.parametrize("kind", ["box", "balls", "rods"])
+@pytest.mark.parametrize(("kind", "axis"), [
+    *((kind, axis) for kind in ("box", "balls", "rods", "drops") for axis in ("pitch", "roll")),
+    ("cylinder", "pitch"),  # what rests on a line may roll as it likes
+])  # fmt: skip
 def test_a_foot_that_leans_at_zero_has_the_sole_that_it_rests_on(tmp_path, kind, axis):
     """A frame turns the shapes about the ankle; sole and its axes turn with them."""
-    shapes = {"box": [RISE], "balls": CORNER_BALLS, "rods": RODS}[kind]
+    shapes = {"box": [RISE], "balls": CORNER_BALLS, "rods": RODS, "drops": DROPS, "cylinder": [LYING]}[kind]
     turn = f"0 {LEAN} 0" if axis == "pitch" else f"{LEAN} 0 0"
     frame = f'<frame euler="{turn}">{"".join(f"<geom {shape}/>" for shape in shapes)}</frame>'
     plain, _ = soles_of(foot(*shapes), tmp_path)
@@ -195,9 +200,11 @@ def test_a_foot_that_leans_at_zero_has_the_sole_that_it_rests_on(tmp_path, kind,
     np.testing.assert_allclose(sole.turn, quat, atol=1e-8)
 
 
-def test_a_foot_that_points_aside_has_a_sole_along_its_edges(tmp_path):
-    plain, _ = soles_of(foot(RISE), tmp_path)
-    sole, _ = soles_of(foot(f'{RISE} euler="0 0 .4"'), tmp_path)
+@pytest.mark.parametrize("shapes", [[RISE], [ROD], PUCKS], ids=["box", "rod", "pucks in a row"])
+def test_a_foot_that_points_aside_has_a_sole_along_its_edges(tmp_path, shapes):
+    plain, _ = soles_of(foot(*shapes), tmp_path)
+    frame = f'<frame euler="0 0 .4">{"".join(f"<geom {shape}/>" for shape in shapes)}</frame>'
+    sole, _ = soles_of(Wording(sole=frame).text(), tmp_path)
     assert sole.size == pytest.approx(plain.size)
     np.testing.assert_allclose(sole.turn, (np.cos(0.2), 0.0, 0.0, np.sin(0.2)), atol=1e-8)
 
@@ -207,10 +214,13 @@ def test_a_foot_that_points_aside_has_a_sole_along_its_edges(tmp_path):
     [
         (['size=".03" pos="0 0 -.05"'], r"^the shapes of foot 'left_foot' would make a sole of 0 x 0 m;"),
         (['type="ellipsoid" size=".1 .05 .02" pos="0 0 -.05"'], r"would make a sole of 0 x 0 m"),
+        ([POST.format(0)], r"would make a sole of 0 x 0 m; it must be"),  # it stands on one end
+        ([POST.format(-0.05), POST.format(0.1)], r"would make a sole of 0.15 x 0 m; it must be"),
         (['type="box" size=".9 .05 .01" pos="0 0 -.05"'], r"would make a sole of 1.8 x 0.1 m"),
         (['type="box" size=".1 .15 .01" pos="0 0 -.05"'], r"that overlap, only 0.18 m apart$"),
         ([f'{RISE} euler="0 1.3 0"'], r"a sole that leans by 1.3 rad, all joints at 0; it must lean by less"),
-        (['type="box" size=".1 .05 .01" pos="0 0 .2"'], r"^the shapes of foot 'left_foot' are not below"),
+        (['type="box" size=".1 .05 .01" pos="0 0 .2"'], r"^the shapes of foot 'left_foot' are not below its "
+         r"ankle and 'pelvis', the robot's root, which must be its pelvis$"),
         ([], r"^foot 'left_foot' has no shapes"),
     ],
 )  # fmt: skip

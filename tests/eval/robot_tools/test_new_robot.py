@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import replace
 
 import gymnasium as gym
@@ -144,11 +145,12 @@ def test_the_command_writes_what_an_environment_takes(model, tmp_path, capsys):
 def test_the_command_tells_what_it_guessed_for_review(model, tmp_path, capsys):
     assert main(["robot", "new", str(model), "--name", "../x"]) == 2
     assert "letters, digits" in capsys.readouterr().err
-    assert main(["robot", "new", str(model), "--out", str(tmp_path), "--name", "mine"]) == 0
+    out = tmp_path / "my robots"
+    assert main(["robot", "new", str(model), "--out", str(out), "--name", "mine"]) == 0
     told = capsys.readouterr().out
     assert "left_hip_yaw, left_hip_roll, left_hip_pitch, left_knee, left_ankle_pitch, left_ankle_roll" in told
     assert "0.2 x 0.1 and 0.2 x 0.1" in told
-    assert "push-recovery evaluate --env" in told
+    assert f"push-recovery evaluate --env '{out}/mine.robot.json'" in told
 
 
 def test_joints_without_a_torque_are_told(tmp_path):
@@ -175,10 +177,11 @@ def worded(tmp_path):
 
 def test_one_model_in_other_words_makes_the_same_files(worded, tmp_path):
     written = []
-    for seed in (None, 1, 2):
+    for seed in (None, 1, 2, 3):
         path = worded(f"words {seed}", seed=seed)
         found = save(new_robot(str(path), "same"), path.parent)
         about = json.loads(found[0].read_text())
+        assert "-0.0," not in found[0].read_text()
         assert about.pop("written_in") == str(path.parent)
         written.append((about, found[1].read_text()))
     assert written[0] == written[1] == written[2]
@@ -241,3 +244,56 @@ def test_what_cannot_be_a_robot_is_one_line_and_bad_input(worded, capsys, words)
     told = capsys.readouterr()
     assert told.err.count("\n") == 1
     assert told.out == ""
+
+
+MESH = '<asset><mesh name="m" file="none.stl"/></asset><worldbody>'
+
+
+def in_millimetres(said: re.Match) -> str:
+    return f'{said[1]}="{" ".join(str(1e3 * float(one)) for one in said[2].split())}"'
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("<worldbody>", MESH, "MuJoCo cannot compile the model {}: Error: Error opening file 'none.stl'"),
+    (r'(pos|size|fromto)="(.*?)"', in_millimetres,
+     "the CoM of robot 'mine' is 812 m over its soles, it must be at most 10 m: is its model in "
+     "millimetres?"),
+])  # fmt: skip
+def test_a_model_without_its_meshes_or_in_millimetres_is_refused(worded, old, new, message):
+    path = worded("mine")
+    path.write_text(re.sub(old, new, path.read_text()))
+    with pytest.raises(InvalidValueError) as refused:
+        new_robot(str(path), "mine")
+    assert str(refused.value) == message.format(repr(str(path)))
+
+
+@pytest.fixture(scope="module")
+def mine(tmp_path_factory):
+    path = tmp_path_factory.mktemp("mine") / "mine.xml"
+    path.write_text(spec().to_xml(), encoding="utf-8")
+    return new_robot(str(path), "mine")
+
+
+@pytest.mark.parametrize(("taken", "reason"), [
+    ("out", "its folder is a file"), ("out/mine.robot.json/x", "Is a directory"),
+    ("out/mine.preset.json/x", "Is a directory"),
+])  # fmt: skip
+def test_where_nothing_can_be_written_nothing_is(mine, tmp_path, taken, reason):
+    place = tmp_path / taken
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.touch()
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(InvalidValueError, match=rf"^can't write to '.*mine\..*\.json': {reason}$"):
+        save(mine, tmp_path / "out")
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_folder_is_no_model(capsys):
+    assert main(["robot", "new", "."]) == 2
+    assert capsys.readouterr().err == "push-recovery: error: there is no model '.'\n"
+
+
+def test_what_leans_over_the_hips_is_pelvis_and_trunk_about_the_axis_across():
+    """Of the model's file: hips 0.05 m below the pelvis; its CoM 0.02, the trunk's 0.08 + 0.18 m above it."""
+    wanted = 0.11 + 16.0 * 0.07**2 + 7.0 + 30.0 * 0.31**2
+    assert tools.leaning_inertia(biped()) == pytest.approx(wanted, rel=1e-6)

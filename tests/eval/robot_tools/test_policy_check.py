@@ -153,6 +153,24 @@ def test_the_command_prints_fields_and_verdicts(stander, capsys, tmp_path):
     assert "timing.policy_dt of policy" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("place", "why"),
+    [
+        ("c.txt", "--out must end in .yaml or .yml to be taken as a policy, got"),
+        ("folder.yaml", "can't write to"),
+        ("file/c.yaml", "its folder is a file"),
+    ],
+)
+def test_a_contract_is_written_only_where_a_policy_can_be(stander, capsys, tmp_path, place, why):
+    (tmp_path / "folder.yaml").mkdir()
+    (tmp_path / "file").touch()
+    assert main(["policy", "inspect", stander().name, "--out", str(tmp_path / place)]) == 2
+    error = capsys.readouterr().err
+    assert why in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / place).is_file()
+
+
 def test_speeds_are_means_in_the_axes_of_the_heading_from_three_seconds_on(monkeypatch):
     """0.4 m/s on a circle of 0.8 m to the left; the chord of 7 s is 1.6 sin(1.75)."""
 
@@ -233,3 +251,13 @@ def test_a_clock_is_tried_with_other_periods_and_with_the_other_sign():
     doubled = next(one for one in tried if one.field.endswith("base_ang_vel.scale"))
     assert (doubled.what, doubled.contract.get(name)[1]["scale"]) == ("times 2", [0.5, 0.5, 0.5])
     assert terms[0] == {"id": "gait_phase", "scale": [1.0, 1.0], "dim": 2}
+
+
+@pytest.mark.parametrize(("left", "passed"), [(0.3, True), (-0.3, False)])
+def test_who_is_to_walk_left_walks_left(left, passed):
+    assert Control(Command(0.0, 0.3), None, (0.0, left), 0.0, 1.0).passed is passed
+
+
+@pytest.mark.parametrize(("turn", "passed"), [(0.5, True), (0.0, False), (-0.5, False), (0.8, False)])
+def test_who_is_to_turn_turns_as_fast_and_that_way(turn, passed):
+    assert Control(Command(turn=0.5), None, (0.0, 0.0), turn, 0.0).passed is passed

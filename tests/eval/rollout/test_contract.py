@@ -285,12 +285,113 @@ def test_terms_in_another_order_in_the_second_file_are_contradictory(mjlab, tmp_
         ("policy_io.joints.names=5", r"policy_io.joints.names of policy .* must be a list of names, not 5"),
         ("policy_io.observation_groups.policy.terms=5", r"has a value of the wrong kind"),
         (f"control.actuators.kp={{{', '.join(f'{joint}: stiff' for joint in JOINTS)}}}",
-         r"control.actuators.kp of policy .* has no number for left_hip_yaw, but 'stiff'"),
+         r"control.actuators.kp of policy .* has no number >= 0 for left_hip_yaw, but 'stiff'"),
     ],
 )  # fmt: skip
 def test_a_field_of_the_wrong_kind_is_named(mjlab, change, message):
     with pytest.raises(InvalidValueError, match=message):
         read_contract(mjlab(), changes_of([change]))
+
+
+MENDED = "; push-recovery policy inspect FILE --set {}=VALUE --out CONTRACT.yaml gives it"
+ALL_OF = "{{" + ", ".join(f"{joint}: {{0}}" for joint in JOINTS) + "}}"
+UNLISTED, CLIP, EFFORT = "control.unlisted", "control.actions.joint_pos.clip", "model.effort_limit"
+TWICE = "[" + ", ".join([*JOINTS[:-1], JOINTS[0]]) + "]"
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "why"),
+    [
+        (LIMITS, "fast", "must have fields, not 'fast'"),
+        (LIMITS, "{vx: [1]}", "has no [low, high] for vx, but [1]"),
+        (LIMITS, "{vx: [1, -1]}", "has no [low, high] for vx, but [1, -1]"),
+        (EFFORT, "{left_knee: x}", "has no number >= 0 for left_knee, but 'x'"),
+        (EFFORT, "0", "must have fields, not 0"),
+        (UNLISTED, "5", "must have fields, not 5"),
+        ("control.absent", "5", "must be a list of names, not 5"),
+        (CLIP, "5", "must be [low, high], or a list of one for each joint, not 5"),
+        (CLIP, "[[-1, 1]]", "must be [low, high], or a list of one for each joint, not [[-1, 1]]"),
+        ("control.actuators.kp", ALL_OF.format(-5), "has no number >= 0 for left_hip_yaw, but -5"),
+        ("control.actuators.kd", ALL_OF.format(f"1{'0' * 309}"),
+         f"has no number >= 0 for left_hip_yaw, but 1{'0' * 199}... (310 characters)"),
+        (NAMES, TWICE, "names left_hip_yaw twice"),
+        (NAMES, "knee", "must be a list of names, not 'knee'"),
+        (RATE_FIELD, "true", "must be a time in seconds, not True"),
+    ],
+)  # fmt: skip
+def test_a_field_that_no_run_could_use_is_refused_when_it_is_read(mjlab, field, value, why):
+    path = mjlab()
+    with pytest.raises(InvalidValueError) as caught:
+        read_contract(path, changes_of([f"{field}={value}"]))
+    assert str(caught.value) == f"{field} of policy {path!r} {why}{MENDED.format(field)}"
+
+
+def test_joints_that_are_held_need_their_gains(mjlab):
+    with pytest.raises(
+        InvalidValueError, match=r"^control.unlisted.kp of policy .* has no number for waist;"
+    ):
+        read_contract(mjlab(), {UNLISTED: {"pose": {"waist": 0.1}}})
+
+
+def test_ranges_without_an_end_and_fields_of_nothing_are_taken(mjlab):
+    none = {"control.absent": None, EFFORT: None, UNLISTED: None, CLIP: None}
+    ranges = {LIMITS: {"vx": [-math.inf, math.inf]}, EFFORT: {"left_knee": math.inf}, CLIP: [[0, 0]] * 12}
+    for given in (none, ranges):
+        contract = read_contract(mjlab(), given)
+        assert {field: contract.get(field) for field in given} == given
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        (
+            ["source.network=5"],
+            "'source.network' of policy .* is what its files say and takes no other value",
+        ),
+        (["source=5"], "'source' of policy .* is what its files say and takes no other value"),
+        (["evidence=5", "evidence.level=1"], "'evidence.level' is no field .*: above it stands a value"),
+    ],
+)
+def test_what_only_the_files_say_cannot_be_given(mjlab, changes, why):
+    with pytest.raises(InvalidValueError, match=f"^{why}$"):
+        read_contract(mjlab(), changes_of(changes))
+
+
+def test_damaged_weights_are_refused(mjlab):
+    with pytest.raises(InvalidValueError, match=r"numbers that are not finite: its weights are damaged$"):
+        read_contract(mjlab(np.full((12, SIZE), np.nan)))
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("", r"deploy.yaml' is no contract: it holds no fields$"),
+        ("- 1", r"deploy.yaml' is no contract: it holds no fields$"),
+        ("step_dt: 0.02\nstiffness: [1, 2]", r"policy.onnx': a list in its files has too few entries$"),
+        ("step_dt: true", r"step_dt of .*deploy.yaml' must be a time in seconds, got True$"),
+    ],
+)
+def test_a_damaged_file_beside_the_network_is_named(mjlab, tmp_path, text, why):
+    path = mjlab()
+    (tmp_path / "deploy.yaml").write_text(text)
+    with pytest.raises(InvalidValueError, match=why):
+        read_contract(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "lacks"),
+    [("deploy.yaml", "joint_ids_map: [0]\nstiffness: [1]", "step_dt"), ("a.yaml", "kps: [1]", "num_actions")],
+)
+def test_a_key_that_a_file_lacks_is_named(tmp_path, name, text, lacks):
+    path = tmp_path / name
+    path.write_text(text)
+    save_network(tmp_path / "motion.onnx", np.zeros((12, 47)), {})
+    if name == "a.yaml":
+        path.write_text(f"{text}\npolicy_path: motion.onnx")
+    with pytest.raises(
+        InvalidValueError, match=f"cannot read the contract of policy .*: it lacks '{lacks}'$"
+    ):
+        read_contract(str(path))
 
 
 def rl_gym_config(**changes):

@@ -12,7 +12,13 @@ from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import polar_push
 from push_recovery.envs.scenario.scenario import Scenario
 from push_recovery.eval.api import rollout as named_rollout
-from push_recovery.eval.rollout.environments import full_body_form, has_own_robot, make_env, under_profile
+from push_recovery.eval.rollout.environments import (
+    full_body_form,
+    has_own_robot,
+    make_env,
+    preset_digest,
+    under_profile,
+)
 from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.load_policy import load_policy
 from push_recovery.eval.rollout.policy_source import policy_sources
@@ -92,3 +98,10 @@ def test_the_form_of_all_joints_is_of_the_same_robot_and_preset(env_id, form):
 def test_what_has_no_form_of_all_joints_is_refused(name):
     with pytest.raises(InvalidValueError, match="needs the environment of a robot"):
         full_body_form(f"PushRecovery/{name}-v0")
+
+
+@pytest.mark.parametrize("env_id", ["PushRecovery/G1-v0", "PushRecovery/Pendulum-v0", "x.robot.json"])
+def test_a_preset_file_that_is_not_there_is_named(env_id):
+    with pytest.raises(InvalidValueError) as refused:
+        preset_digest(f"{env_id}@nofile.json")
+    assert str(refused.value) == "cannot read preset file 'nofile.json': No such file or directory"

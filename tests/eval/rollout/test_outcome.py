@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import gymnasium as gym
 import numpy as np
 import pytest
+from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.gait_box import GaitLimits
 from push_recovery.controllers.model.observation import DCM, STANCE_CONTACT, SWING_CONTACT, SWING_POSITION
 from push_recovery.controllers.model.robot import REFERENCE
@@ -23,7 +24,15 @@ from push_recovery.eval.record.record import record_episode
 from push_recovery.eval.rollout import outcome as measured
 from push_recovery.eval.rollout.episodes import rollout, rollout_all
 from push_recovery.eval.rollout.load_policy import load_policy
-from push_recovery.eval.rollout.outcome import NOT_SETTLED, EffortMeter, Ending, Outcome, Score, failure_label
+from push_recovery.eval.rollout.outcome import (
+    NOT_SETTLED,
+    EffortMeter,
+    Ending,
+    Outcome,
+    Score,
+    check_row,
+    failure_label,
+)
 
 
 def row(recovered: bool, survived: bool, reason: str | None = None, impulse: float = 10.0) -> dict:
@@ -53,6 +62,40 @@ def test_a_score_counts_what_recovered_and_says_why_the_rest_did_not():
     assert Score.of([]).rate == 0.0
     # Wilson (1927) for 3 of 8: (p + z^2/2n -+ z sqrt(p q/n + z^2/4n^2)) / (1 + z^2/n), z = 1.959964
     assert content["ci95"] == pytest.approx([0.136840, 0.694258], abs=1e-5)
+
+
+HUGE = 10**400  # as JSON may have it
+FINITE = f"finite, got 1{'0' * 199}... (401 characters): no float is so large"
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "must"),
+    [
+        ("recovered", "yes", "true or false, got 'yes'"), ("recovered", None, "true or false, got None"),
+        ("survived", 1, "true or false, got 1"), ("recovered_at", "x", "a number, got 'x'"),
+        ("recovered_at", HUGE, FINITE), ("failure_reason", [], "text, got []"),
+        ("end_time", None, "a number, got None"), ("end_time", -1, "in [0, inf], got -1"),
+        ("env_steps", -1, "an integer >= 0, got -1"), ("total_reward", math.nan, "finite, got nan"),
+        ("impulse", None, "a number, got None"), ("command", "x", "2 entries, got 'x'"),
+        ("limit_shares", "x", "an object, got 'x'"), ("policy_sha256", {}, "text, got {}"),
+        ("measures", [1], "an object, got [1]"),
+    ],
+)  # fmt: skip
+def test_a_value_of_another_kind_than_an_outcomes_is_named(field, value, must):
+    with pytest.raises(InvalidValueError) as refused:
+        check_row({**ROWS[0], field: value})
+    assert str(refused.value) == f"{field} must {'have' if field == 'command' else 'be'} {must}"
+
+
+def test_a_strange_entry_is_named_by_its_field_and_an_outcome_is_none():
+    for field, value in (("measures", "x"), ("limit_shares", "x"), ("limits_met", "x")):
+        with pytest.raises(InvalidValueError, match=rf"^{field}\.one must be a number, got 'x'$"):
+            check_row({field: {"one": value}})
+    check_row({"measures": {"one": None, "other": 2}})
+    outcome = Outcome.of(PUSHED, "p", Ending(False, 6.2, 2.5, None, 12.5), 620).to_dict()
+    check_row(outcome, optional=("kick", "measures", "policy_sha256"))
+    with pytest.raises(InvalidValueError, match=r"^it lacks policy_sha256$"):
+        check_row(outcome, optional=("kick", "measures"))
 
 
 PUSHED = Scenario(

@@ -1,6 +1,7 @@
 """Evaluations: workers, order, resuming, limits met, and pairs on rows written by hand."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -12,7 +13,9 @@ from push_recovery.controllers.model.capturability import max_recoverable_force
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.settings import PresetFile
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
+from push_recovery.envs.scenario.disturbances import Payload, Slip
+from push_recovery.envs.scenario.model_errors import ModelErrors, PhysicsOptions
+from push_recovery.envs.scenario.push import GaitEvent, Kick, Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.environments import make_env
@@ -322,9 +325,54 @@ def test_bad_presets_are_bad_input(tmp_path, capsys):
         make_env(f"{PENDULUM}@{tmp_path / 'p.json'}")
 
 
+def test_a_row_of_the_wrong_kind_is_refused_before_anything_is_run(tmp_path):
+    suite = Suite("s", "1", (Scenario("x", duration=0.1),))
+    evaluate(suite, PENDULUM, "two-stage", directory=tmp_path)
+    path = tmp_path / "outcomes.jsonl"
+    (row,) = rows_of(tmp_path)
+    text = json.dumps({**row, "recovered": "yes"}) + "\n"
+    path.write_text(text)
+    for run, words in ((evaluate, (suite, PENDULUM, "two-stage")),
+                       (compare, ("stage-1", "two-stage", suite, PENDULUM))):  # fmt: skip
+        with pytest.raises(InvalidValueError) as refused:
+            run(*words, directory=tmp_path)
+        assert str(refused.value) == (
+            f"'{path}' line 1 is no outcome: recovered must be true or false, got 'yes'"
+        )
+        assert path.read_text() == text
+
+
 def test_a_label_of_another_planner_is_other_content(tmp_path):
     suite, env_id = Suite("s", "1", (Scenario("x", duration=0.1),)), "PushRecovery/Pendulum-v0"
     evaluate(suite, env_id, {"mine": "two-stage"}, directory=tmp_path)
     evaluate(suite, env_id, {"mine": "two-stage"}, directory=tmp_path)
     with pytest.raises(InvalidValueError, match="another content"):
         evaluate(suite, env_id, {"mine": "stage-1"}, directory=tmp_path)
+
+
+PUSHED = Scenario("a", (Push((50.0, 0.0, 0.0), 0.1, 0.5),), settle_time=1.0)
+
+
+@pytest.mark.parametrize(
+    ("robot", "changes", "words"),
+    [
+        ("Biped", {"pushes": (Push((1.0, 0.0, 0.0), 0.1, 0.5, "link:left_elbow"),)},
+         "unknown push body 'link:left_elbow'"),
+        ("Biped", {"disturbances": (Payload(1.0, 0.1, 0.5, "link:nothing"),)},
+         "unknown push body 'link:nothing'"),
+        ("Biped", {"errors": ModelErrors(delay=0.003)}, r"ModelErrors.delay \[s\] must be a multiple"),
+        ("Pendulum", {"kicks": (Kick((0.1, 0.0, 0.0), 0.1),)}, "PushRecovery/Pendulum-v0 takes no kicks"),
+        ("Pendulum", {"command": Command(turn=0.1)}, "PushRecovery/Pendulum-v0 does not turn"),
+        ("Pendulum", {"disturbances": (Slip("left", 0.1, 0.5, 0.1),)},
+         "PushRecovery/Pendulum-v0 takes no slip"),
+        ("Pendulum", {"errors": ModelErrors(payload=5.0)}, "the pendulum has no model error 'payload'"),
+        ("Pendulum", {"physics": PhysicsOptions(integrator="rk4")}, "the pendulum is integrated exactly"),
+        ("Pendulum", {"sensing": "onboard"}, "the pendulum has no sensors"),
+    ],
+)  # fmt: skip
+def test_a_scenario_that_a_robot_cannot_have_leaves_nothing_behind(robot, changes, words, tmp_path):
+    """It is the last one of the suite, and the others are possible."""
+    scenarios = PUSHED, replace(PUSHED, id="b"), replace(PUSHED, id="c", **changes)
+    with pytest.raises(PushRecoveryError, match=f"^{words}"):
+        evaluate(Suite("s", "1", scenarios), f"PushRecovery/{robot}-v0", "stage-1", directory=tmp_path)
+    assert list(tmp_path.iterdir()) == []

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 import toy_gait_env as toy
-from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
+from push_recovery.controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
 from push_recovery.controllers.whole_body.limits import LIMIT_NAMES
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent
@@ -136,7 +136,7 @@ def test_a_frontier_may_be_that_of_another_profile():
     scenario, exact = settings.scenario(90.0, 140.0), replace(settings, profile="exact")
     assert scenario == HARDWARE.applied(exact.scenario(90.0, 140.0))
     assert (scenario.sensing, scenario.errors.friction) == ("onboard", 0.5)
-    with pytest.raises(UnknownNameError, match=r"profile 'real'.*exact, hardware"):
+    with pytest.raises(UnknownNameError, match=r"profile 'real'.*exact, collisions, hardware"):
         scans.FrontierSettings("env", profile="real")
 
 
@@ -433,3 +433,43 @@ def test_a_table_of_standing_replicas_has_a_cell_under_every_column():
     caught, low, high, share = re.findall(r"[\d.]+", table.rows[0][6])
     assert (caught, share) == ("140", "0.50")
     assert float(low) < 140.0 < float(high)
+
+
+def test_an_impulse_is_the_force_for_as_long_as_the_push_lasts():
+    """p is 1, 1, 1/2, 1/2, 0, linear between: 110 and 300 N, here for 0.2 s."""
+    row = {"forces_N": [100.0, 200.0, 300.0, 400.0], "recovered": ["11", "10", "01", "00"]}
+    control = {"forces_N": [0.0], "recovered": ["11"]}
+    entry = replace(REPLICATED, replicas=2, duration=0.2).search.entry(row, control)
+    assert (entry["J95_Ns"], entry["J50_Ns"]) == pytest.approx((22.0, 60.0))
+
+
+def test_what_is_impossible_is_refused_before_anything_is_written(tmp_path):
+    settings = FrontierSettings("PushRecovery/Pendulum-v0", errors=ModelErrors(payload=5.0))
+    with pytest.raises(InvalidValueError, match=r"^the pendulum has no model error 'payload'"):
+        scans.frontier(settings, ["stage-1"], 1, directory=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"grid": "20"}, "grid [N] must be a number, got '20'"),
+        ({"grid": 1e-12}, "grid [N] must be in [1, 4000], got 1e-12"),
+        ({"duration": "0.1"}, "Push.duration [s] must be a number, got '0.1'"),
+        ({"command": None}, "command must be a Command, got None"),
+        ({"errors": {"mass": 0.1}}, "errors must be a ModelErrors, got {'mass': 0.1}"),
+        ({"replicas": "8"}, "replicas must be an integer in [1, 4096], got '8'"),
+        ({"body": "head"}, "unknown push body 'head' (valid: pelvis, trunk, left_thigh, left_shank, "
+         "left_foot, right_thigh, right_shank, right_foot)"),
+    ],
+)  # fmt: skip
+def test_settings_of_another_kind_are_refused(change, message):
+    with pytest.raises(PushRecoveryError, match=f"^{re.escape(message)}$"):
+        FrontierSettings("env", **change)
+
+
+@pytest.mark.parametrize("count", [0, 3601, 1.5, "4"])
+def test_directions_are_a_few(count):
+    message = f"directions must be an integer in [1, 3600], got {count!r}"
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}$"):
+        directions_deg(count)

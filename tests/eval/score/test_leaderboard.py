@@ -10,7 +10,7 @@ from push_recovery.envs.scenario.scenario import HARDWARE
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.rows import LOCK, Writer
 from push_recovery.eval.rollout import DEFAULT_ENV
-from push_recovery.eval.rollout.outcome import Ending, Outcome
+from push_recovery.eval.rollout.outcome import Ending, Outcome, Score
 from push_recovery.eval.score import leaderboard
 from push_recovery.eval.score.evaluate import evaluate
 from push_recovery.eval.score.report import write_evaluation_reports
@@ -207,15 +207,132 @@ def test_a_row_without_the_hash_of_its_policy_is_none():
         leaderboard.checked_row(row, scenario)
 
 
+@pytest.fixture
+def true_row() -> dict:
+    scenario = SUITE.scenarios[0]
+    outcome = Outcome.of(scenario, "p", Ending(False, 7.0, 4.0, None, 1.0), 700)
+    return json.loads(json.dumps({**outcome.to_dict(), "policy_sha256": None}))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"policy_sha256": []}, "policy_sha256 must be text, got []"),
+        ({"recovered_at": 10**400},
+         f"recovered_at must be finite, got 1{'0' * 199}... (401 characters): no float is so large"),
+        ({"measures": {"heading_error": "x"}}, "measures.heading_error must be a number, got 'x'"),
+        ({"end_time": "1"}, "end_time must be a number, got '1'"),
+        ({"env_steps": -1}, "env_steps must be an integer >= 0, got -1"),
+        ({"total_reward": "1"}, "total_reward must be a number, got '1'"),
+        ({"survived": 1}, "survived must be true or false, got 1"),
+    ],
+)  # fmt: skip
+def test_a_row_with_a_value_of_the_wrong_kind_is_no_outcome(true_row, change, said):
+    scenario = SUITE.scenarios[0]
+    with pytest.raises(InvalidValueError) as refused:
+        leaderboard.checked_row(true_row | change, scenario)
+    assert str(refused.value) == f"row '{scenario.id}' of 'p' is no outcome: {said}"
+
+
+@pytest.mark.parametrize("name", [[], {}, None])
+def test_a_row_without_the_name_of_a_scenario_is_of_no_suite(true_row, name, tmp_path):
+    write_rows(tmp_path, [true_row | {"scenario_id": name}])
+    with pytest.raises(InvalidValueError) as refused:
+        leaderboard._rows(tmp_path / "outcomes.jsonl", SUITE)
+    assert str(refused.value) == f"'{tmp_path}/outcomes.jsonl' line 1 is no row of suite 'head'"
+
+
+@pytest.mark.parametrize(
+    ("policies", "said"),
+    [
+        ({"p": [1]}, "policy 'p' of {} must be an object, got [1]"),
+        ({"p": 5}, "policy 'p' of {} must be an object, got 5"),
+        ([1], "policies of {} must be an object, got [1]"),
+        (None, "policies of {} must be an object, got None"),
+    ],
+)
+def test_a_report_whose_policies_are_no_objects_is_refused(true_row, policies, said, tmp_path):
+    path = tmp_path / "report.json"
+    path.write_text(json.dumps({"policies": policies}))
+    with pytest.raises(InvalidValueError) as refused:
+        leaderboard._check_report(path, {"p": [true_row]})
+    assert str(refused.value) == said.format(repr(str(path)))
+
+
+def test_a_value_of_any_length_is_cut_where_running_again_gives_another_one(true_row):
+    with pytest.raises(InvalidValueError) as refused:
+        leaderboard._compare(true_row | {"failure_reason": "x" * 9999}, true_row)
+    assert str(refused.value) == (
+        f"row '{SUITE.scenarios[0].id}' of 'p' is not what running it again gives: failure_reason is "
+        f"'{'x' * 199}... (10001 characters), again None (1 fields differ); on another kind of machine last "
+        "bits may differ"
+    )
+
+
+@pytest.fixture
+def board(true_row, tmp_path):
+    """A board with one true entry, and its file."""
+    suite, score = SUITE.summary(), Score.of([true_row]).to_dict()
+    named = {"env": toy.ENV_ID, "policy": "p", "policy_sha256": None, "code": "1" * 64}
+    entry = {"suite": suite, **named, "rows_sha256": "2" * 64, "score": score, "checked": 1}
+    return tmp_path / "board", leaderboard.add_entry(tmp_path / "board", entry)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"suite": 5}, "suite must be an object, got 5"), ({"suite": {"sha256": "5"}}, "suite lacks name"),
+        ({"suite": {"name": "s", "sha256": 5}}, "suite.sha256 must be text, got 5"),
+        ({"score": {}}, "score lacks recovered, survived, episodes, rate, ci95"),
+        ({"score": None}, "score must be an object, got None"),
+        ({"policy": ["p"]}, "policy must be text, got ['p']"),
+        ({"checked": "x"}, "checked must be an integer >= 0, got 'x'"),
+    ],
+)  # fmt: skip
+def test_a_file_of_a_board_that_is_no_entry_is_named_with_what_is_wrong(board, change, said):
+    folder, path = board
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(InvalidValueError) as refused:
+        leaderboard.read_board(folder)
+    assert str(refused.value) == f"'{path}' is no entry of a leaderboard: {said}"
+
+
+def test_a_bad_file_of_a_board_is_found_before_rows_are_run_and_entries_written(
+    given, board, capsys, monkeypatch
+):
+    out, suite, _ = given
+    folder, path = board
+    path.write_text("[]")
+    before = {one: one.read_bytes() for one in folder.rglob("*") if one.is_file()}
+    monkeypatch.setattr(leaderboard, "run_again", None)
+    assert main(["submit", str(out), "--suite", suite, "--board", str(folder)]) == 2
+    assert capsys.readouterr().err == (
+        f"push-recovery: error: '{path}' is no entry of a leaderboard: it must be an object, got []\n"
+    )
+    assert {one: one.read_bytes() for one in folder.rglob("*") if one.is_file()} == before
+
+
+def test_a_refused_submission_leaves_no_new_board(given, tmp_path, capsys):
+    out, suite, (weak, _) = given
+    toy.save_policy(weak, 0.3)
+    assert main(["submit", str(out), "--suite", suite, "--board", str(tmp_path / "new" / "board")]) == 2
+    assert "is not the one of the rows" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+
+
 def test_what_results_name_is_imported_only_where_it_is_trusted(given, tmp_path, monkeypatch):
     out, suite, _ = given
     (tmp_path / "planted.py").write_text("open('ran', 'w').close()")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     config = json.loads((out / "config.json").read_text())
-    for env_id in ("planted:PushRecovery/X-v0", "planted:mine.robot.json"):
+    refused = {  # the first one is the name of a file, in a folder maybe
+        "planted:mine.robot.json": r"cannot read robot file 'planted:mine\.robot\.json'",
+        "planted:PushRecovery/X-v0": r"runs the code of a module: .* submit takes --trust",
+    }
+    for env_id, words in refused.items():
         (out / "config.json").write_text(json.dumps(config | {"env": env_id}))
-        with pytest.raises(InvalidValueError, match=r"runs the code of a module: .* submit takes --trust"):
+        with pytest.raises(InvalidValueError, match=words):
             leaderboard.read_submission(out, suite)
     assert not (tmp_path / "ran").exists()
     with pytest.raises(Exception, match=r"."):

@@ -152,6 +152,9 @@ def test_strategies_of_robots_that_stood():
         ("p", "2 of 2", "0 of 1", "2 of 3", "4", "1 of 3"), ("q", "2 of 2", "0 of 0", "0 of 0", "-", "0 of 0")
     ]  # fmt: skip
     assert not report.strategies_table(three(p=[row(4.0, 1.0)]))
+    beside = report.strategies_table(three(p=ankles, q=[row(4.0, 1.0)]))  # which stepped in place
+    nothing = "0 of 0", "0 of 0", "-", "0 of 0"
+    assert beside.rows == [("p", "2 of 2", *nothing), ("q", "0 of 0", *nothing)]
 
 
 def test_recovered_survived_and_why_not(evaluation):
@@ -230,6 +233,13 @@ def test_a_strange_note_of_a_training_says_nothing_of_what_it_met(settings, tmp_
     note = {"training": {"timesteps": 600_000, "settings": settings}}
     (tmp_path / "own.json").write_text(json.dumps(note))
     assert search_words(str(tmp_path / "own.safetensors"), {}) == "0.6 M actions"
+
+
+@pytest.mark.parametrize("timesteps", [10**400, True, "1"])
+def test_a_strange_number_of_timesteps_says_nothing(timesteps, tmp_path):
+    (tmp_path / "own.safetensors").touch()
+    (tmp_path / "own.json").write_text(json.dumps({"training": {"timesteps": timesteps}}))
+    assert search_words(str(tmp_path / "own.safetensors"), {}) == "-"
 
 
 def limit_row(survived, first, **shares):
@@ -347,7 +357,7 @@ def test_the_command_runs_a_suite_under_several_profiles(tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("names", "words"),
-    [(["exact", "exact"], "--profile must name each one once"), (["real"], "exact, hardware")],
+    [(["exact", "exact"], "--profile must name each one once"), (["real"], "exact, collisions, hardware")],
 )
 def test_profiles_are_known_and_named_once(names, words, capsys):
     assert main(["evaluate", "--profile", *names]) == 2
@@ -421,3 +431,13 @@ def test_limits_in_a_report_are_each_policys_own(evaluation):
 def test_kicks_are_a_kind_of_push():
     groups = report.groups_of((Scenario("a", (PELVIS,)), Scenario("b", kicks=(Kick((0.3, 0.0, 0.0), 2.0),))))
     assert (groups["kick"], groups["push"]) == (("b",), ("a",))
+
+
+def test_intervals_of_pairs_and_comparisons_are_newcombes_low_end_first(evaluation):
+    """Newcombe (1998): both 36, only p 12, only q 2, neither 0: 0.0569 to 0.3404."""
+    found = evaluation({"p": "r" * 48 + "f" * 2, "q": "r" * 36 + "f" * 12 + "r" * 2})
+    assert report.pairs_table(found).rows[0][:6] == (
+        "p and q", "36", "12", "2", "0", "+20.0 (+5.7 to +34.0)"
+    )  # fmt: skip
+    cells = dict(report.comparison_table(Comparison("p", "q", found)).rows)
+    assert cells["rate of p minus rate of q"] == "+0.200 (+0.057 to +0.340)"

@@ -139,3 +139,38 @@ def test_a_variation_is_as_large_as_its_name_says():
     assert len(sizes) == 20
     for name, (size, values) in sizes.items():
         assert values == pytest.approx([size]), name
+
+
+def test_the_interval_of_a_variation_is_newcombes_low_end_first(evaluation):
+    """Newcombe (1998), both 36, 12 lost, 2 gained: 0.0569 to 0.3404 the other way round."""
+    letters = "r" * 48 + "f" * 2 + "r" * 36 + "f" * 12 + "r" * 2
+    found = varying.Sensitivity(CALM, 50, ("exact", "cg"), evaluation({"p": letters}))
+    (table,) = varying.sensitivity_tables(found)
+    assert table.rows[1][:6] == ("cg", "38", "38", "12", "2", "-0.200 (-0.340 to -0.057)")
+
+
+def test_survivals_lost_and_gained_are_not_exchanged(evaluation):
+    """The exact robot survives all three pushes, the varied one only the first."""
+    found = varying.Sensitivity(CALM, 3, ("exact", "cg"), evaluation({"p": "rrr" + "rff"}))
+    changes = found.changes("p")[1].to_dict()
+    assert (changes["survived_lost"], changes["survived_gained"]) == (2, 0)
+
+
+def test_a_variation_of_the_numerics_is_the_one_that_its_name_says():
+    def of(**changes):
+        return replace(EXACT.physics, **changes)
+
+    wanted = {name: of(integrator=name) for name in ("euler", "implicit", "rk4")}
+    wanted |= {name: of(solver=name) for name in ("cg", "pgs")}
+    wanted |= {
+        "rk4-0.5ms": of(time_step=0.0005, integrator="rk4"), "elliptic": of(cone="elliptic"),
+        "elliptic-impratio-10": of(cone="elliptic", impratio=10.0),
+        "fine": of(time_step=0.0005, cone="elliptic", impratio=10.0, contact_time=0.004),
+    }  # fmt: skip
+    assert {name: varying.VARIATIONS[name].physics for name in wanted} == wanted
+
+
+def test_no_variation_is_named_twice():
+    message = "variations must be distinct and begin with 'exact', got exact, exact"
+    with pytest.raises(InvalidValueError, match=f"^{message}$"):
+        varying.sensitivity(CALM, 3, "PushRecovery/Pendulum-v0", "stage-1", ("exact", "exact"))

@@ -13,6 +13,7 @@ from push_recovery.controllers.errors import InvalidValueError, PushRecoveryErro
 from push_recovery.controllers.model.robot import REFERENCE
 from push_recovery.controllers.model.standing import max_standing_force
 from push_recovery.envs.scenario.model_errors import ModelErrors
+from push_recovery.envs.scenario.push import GaitEvent
 from push_recovery.envs.scenario.scenario import EXACT, HARDWARE, Command, Scenario
 from push_recovery.envs.scenario.terrain import Stairs
 from push_recovery.eval.cli.main import main
@@ -221,6 +222,58 @@ def test_bad_files_are_errors_of_this_package(tmp_path, text):
     path.write_text(text)
     with pytest.raises(PushRecoveryError):
         suites.get_suite(str(path))
+
+
+PUSHED = {"id": "b", "pushes": [{"force": [50, 0, 0], "duration": 0.1, "start": 0.5}]}
+NAMED = "must be 1 to 1000 letters, digits, spaces and ._+=,@- that begin with a letter or digit, got"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"name": None}, f"a suite's name {NAMED} None"),
+        ({"name": True}, f"a suite's name {NAMED} True"),
+        ({"version": 1.5}, f"a suite's version {NAMED} 1.5"),
+        ({"scenarios": [{"id": "a"}, {**PUSHED, "settle_time": -1.0}]},
+         "suite file {path!r}, scenario 2 ('b'): Scenario.settle_time [s] must be in (0, 1e+06], got -1"),
+        ({"scenarios": [{"id": "a"}, {"speed": 1}]}, "suite file {path!r}, scenario 2: scenario lacks id"),
+        ({"scenarios": [{"id": "\ud800"}]}, "suite file {path!r}, scenario 1 ('\\ud800'): "
+         "Scenario.id must be 1 to 1000 printable characters, got '\\ud800'"),
+        ({"scenarios": [{**PUSHED, "duration": 0.2}]}, "suite file {path!r}, scenario 1 ('b'): "
+         "Scenario.duration [s] must be more than the start of its first push at 0.5, got 0.2"),
+    ],
+)  # fmt: skip
+def test_a_bad_entry_is_named_with_its_place(tmp_path, change, message):
+    path = tmp_path / "bad.json"
+    path.write_text(json.dumps({"name": "a", "version": "1", "scenarios": [PUSHED], **change}))
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(message.format(path=str(path)))}$"):
+        suites.load_suite(path)
+
+
+def test_a_push_may_come_at_a_gait_event_or_just_before_the_end(tmp_path):
+    path, event = tmp_path / "good.json", GaitEvent(4, "left").to_dict()
+    late = {**PUSHED, "id": "c", "duration": 0.1, "pushes": [{**PUSHED["pushes"][0], "start": event}]}
+    scenarios = [{"id": "a", "duration": 0.1}, {**PUSHED, "duration": 0.51}, late]
+    path.write_text(json.dumps({"name": "a", "version": "1", "scenarios": scenarios}))
+    assert [scenario.id for scenario in suites.load_suite(path).scenarios] == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Suite("a", "1", (3,)), "Suite.scenarios must hold Scenario objects, got 3"),  # type: ignore[arg-type]
+        (lambda: Suite("a", "1", 3), "Suite.scenarios must be a sequence of Scenario, got 3"),  # type: ignore[arg-type]
+        (lambda: suites.register_suite("mine", 5),  # type: ignore[arg-type]
+         "maker must be a function that gives a Suite, got 5"),
+        (lambda: suites.register_suite("a.json", lambda: Suite("a", "1", ())),
+         "a suite's name must not end in .json, as that of a file does, got 'a.json'"),
+        (lambda: suites.new_suite("hard", 1, 4, None, [1]), "pushes must be a Mapping, got [1]"),  # type: ignore[arg-type]
+        (lambda: suites.new_suite("hard", 1, 4, ""), f"a suite's name {NAMED} ''"),
+    ],
+)  # fmt: skip
+def test_what_is_no_part_of_a_suite_is_refused(make, message):
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}$"):
+        make()
 
 
 def test_unknown_names_list_the_valid_ones(tmp_path):

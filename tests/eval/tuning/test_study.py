@@ -312,6 +312,19 @@ def test_bad_settings_are_refused(changes, message):
         replace(SETTINGS_STUDY, **changes)
 
 
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"errors": ModelErrors(payload=5.0)}, "the pendulum has no model error 'payload'"),
+        ({"env_id": "PushRecovery/G1-v0", "preset": "biped"}, "preset 'biped' is for a sole of 0.2 x 0.1 m"),
+    ],
+)
+def test_a_study_that_cannot_begin_leaves_nothing_behind(changes, words, tmp_path):
+    with pytest.raises(InvalidValueError, match=f"^{words}"):
+        tune(replace(SETTINGS_STUDY, **changes), 1, directory=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_pushes_are_of_every_kind_where_the_robot_takes_them():
     assert SETTINGS_STUDY.suite == "tuning"
     assert TuningSettings(BIPED, "stage-1").suite == "tuning-varied"
