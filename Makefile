@@ -1,4 +1,4 @@
-# `make run` scores arms and learned policies, `make test` runs the tests; each sets up what it needs in .venv.
+# `make run` scores variants and learned policies, `make test` runs the tests; each sets up what it needs in .venv.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -19,9 +19,9 @@ $(VENV)/dev.stamp: pyproject.toml constraints.txt
 	touch $@ $(VENV)/run.stamp
 
 # place and time of the step, the trunk with them, all of it, all of it corrected by a network, and a network alone
-ARMS := stage-1 stage-1+momentum two-stage residual residual-hardware joint-residual joint-residual-hardware joint
+POLICIES := stage-1 stage-1+momentum two-stage residual residual-hardware joint-residual joint-residual-hardware joint
 run: $(VENV)/run.stamp
-	$(BIN)/push-recovery evaluate --suite quick --profile exact hardware --policies $(ARMS)
+	$(BIN)/push-recovery evaluate --suite quick --profile exact hardware --policies $(POLICIES)
 
 test: $(VENV)/dev.stamp
 	$(BIN)/python -m pytest -n 2 tests
@@ -61,7 +61,7 @@ docs: $(VENV)/run.stamp
 tables: $(VENV)/run.stamp
 	$(BIN)/python benchmarks/tables.py
 
-# arms and shipped policies on the leaderboard of the documentation; rows that are in runs/ already are kept
+# variants and shipped policies on the leaderboard of the documentation; rows that are in runs/ already are kept
 leaderboard: $(VENV)/run.stamp
 	$(BIN)/python benchmarks/leaderboard.py
 

@@ -44,7 +44,7 @@ class Walk:
 
 def walk(profile: Profile, speed: float, robots: int, seconds: float, blind: bool) -> Walk:
     """Let robots walk unpushed at a command [m/s] for so long [s]."""
-    episodes = BipedEpisodes(robots, arm="two-stage")
+    episodes = BipedEpisodes(robots, variant="two-stage")
     core, late = episodes.core, []
     before, steps, due, began = (np.zeros(robots) for _ in range(4))
 

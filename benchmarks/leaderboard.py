@@ -1,4 +1,4 @@
-"""Put the arms and the learned policies that come with the package on the leaderboard of the documentation.
+"""Put the variants and the learned policies of the package on the leaderboard of the documentation.
 
 python benchmarks/leaderboard.py [--suite hard] [--board docs/leaderboard] [--sample 32]
 

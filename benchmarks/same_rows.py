@@ -1,6 +1,6 @@
 """Whether this tree gives the rows and numbers of another commit, bit for bit.
 
-python benchmarks/same_rows.py HEAD                runs both trees: quick-1, hard and reproduce, every arm
+python benchmarks/same_rows.py HEAD                runs both trees: quick-1, hard and reproduce, every variant
 python benchmarks/same_rows.py HEAD --suites varied --no-reproduce
 python benchmarks/same_rows.py --a DIR --b DIR     of finished runs: folders that hold DIR/quick-1, DIR/hard,
                                                    DIR/reproduce, or are such folders themselves
@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-ARMS = (
+VARIANTS = (
     "passive",
     "stage-1-paper",
     "stage-1",
@@ -135,7 +135,7 @@ def suite_file(name: str, out: Path) -> str:
 
 
 def run_all(python: str, tree: Path, out: Path, options: argparse.Namespace, anew: bool) -> None:
-    """Evaluate the suites with every arm, and reproduce, of one tree; into folders of `out`."""
+    """Evaluate the suites with every variant, and reproduce, of one tree; into folders of `out`."""
     command, again = [python, "-m", "push_recovery"], ["--overwrite"] * anew
     for suite in options.suites:
         into = str(out / Path(suite).stem)
@@ -154,7 +154,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--a", type=Path, help="finished runs of the reference")
     parser.add_argument("--b", type=Path, help="finished runs to hold against them")
     parser.add_argument("--suites", nargs="*", default=["quick-1", "hard"], help="suites to run")
-    parser.add_argument("--policies", nargs="+", default=list(ARMS), help="policies to run")
+    parser.add_argument("--policies", nargs="+", default=list(VARIANTS), help="policies to run")
     parser.add_argument(
         "--no-reproduce", dest="reproduce", action="store_false", help="leave `reproduce` out"
     )

@@ -57,7 +57,7 @@ def main() -> None:
 
 
 def compared() -> list[str]:
-    """The arms, and the learned policies that are there."""
+    """The variants, and the learned policies that are there."""
     return [name for name in ADAPTS if name not in LEARNED or name in shipped_names()]
 
 

@@ -34,7 +34,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from .array_table import COMMON, Floats1, Floats2, Ints1, Ints2
+from .array_table import COMMON, Floats1, Floats2, Ints1, Ints2, tuple_reader
 from .jit import njit
 from .math3 import Vector, add, to_body, vector_in
 from .model.gait_box import COP, DURATION, STEP, GaitLimits
@@ -194,6 +194,9 @@ class NominalConstants(NamedTuple):
     double_support: float  # [s]
 
 
+nominal_constants_of = tuple_reader(NominalConstants)
+
+
 def nominal_constants(robot: RobotModel, limits: GaitLimits, delay: float) -> Array:
     """`NominalConstants` and the bounds of the step, (10,)."""
     constants = NominalConstants(robot.omega, robot.pelvis_width, delay, 0.0)
@@ -203,10 +206,10 @@ def nominal_constants(robot: RobotModel, limits: GaitLimits, delay: float) -> Ar
 @njit(cache=True, forceinline=True)
 def hold_nominal(gait: Gait, k: int, observation: Array, constants: Array) -> None:
     """Hold the nominal step of the command that the observation (36,) of robot k repeats."""
-    nominal = np.empty(NOMINAL_SIZE)
+    nominal, c = np.empty(NOMINAL_SIZE), nominal_constants_of(constants[:_LOW])
     nominal_gait_kernel(
-        observation[_COMMAND], observation[_COMMAND + 1], constants[1], constants[_LOW : _LOW + _BOX],
-        constants[_LOW + _BOX :], constants[0], constants[2], nominal, constants[3],
+        observation[_COMMAND], observation[_COMMAND + 1], c.pelvis_width, constants[_LOW : _LOW + _BOX],
+        constants[_LOW + _BOX :], c.omega, c.delay, nominal, c.double_support,
     )  # fmt: skip
     plan = gait.plan[k]
     plan[STEP], plan[STEP + 1] = nominal[NOMINAL_STEP], nominal[NOMINAL_STEP + 1]
@@ -282,7 +285,7 @@ def observe_joints(
 ) -> None:  # fmt: skip
     """Write the observation (JOINT_OBSERVATION_SIZE,) of robot k, as control knows it, into `o`.
 
-    `command` (3,) is in force, its velocity in the heading frame [m/s], turn [rad/s]; `noise` is that of the
+    `command` (4,) is in force, its velocity in the heading frame [m/s], turn [rad/s]; `noise` is that of the
     velocity, canonical frame [m/s].
     """
     stance = gait.stance[k]

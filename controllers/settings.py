@@ -158,7 +158,7 @@ class Stages(NamedTuple):
         return values
 
 
-ARMS: dict[str, Stages] = {
+VARIANTS: dict[str, Stages] = {
     "passive": Stages(False, False),  # walks the nominal gait, without reaction
     "raibert": Stages(False, False, foothold="capture_point"),
     "herdt": Stages(False, False, foothold="linear_mpc"),
@@ -177,7 +177,8 @@ ON_REQUEST = ("passive", "raibert", "herdt", "fixed-time")
 
 FORMAT = "push-recovery preset"
 FORMAT_VERSION = 1
-SECTIONS = ("base", "planner", "arms", "biped", "found")
+# Key of the files -> field of `PresetFile`: what belongs to one variant has the key `arms` there
+SECTIONS = {"base": "base", "planner": "planner", "arms": "variants", "biped": "biped", "found": "found"}
 NEUTRAL = "neutral"  # base of presets that stand on no other
 FOLDER = files("push_recovery.controllers") / "presets"
 Values = Mapping[str, Any]
@@ -189,7 +190,7 @@ class PresetFile:
 
     base: str = "default"
     planner: Values = field(default_factory=dict)  # field of PlannerConfig -> value
-    arms: Mapping[str, Values] = field(default_factory=dict)  # policy -> the same, and its own `biped`
+    variants: Mapping[str, Values] = field(default_factory=dict)  # policy -> the same, and its own `biped`
     biped: Mapping[str, Values] = field(default_factory=dict)  # section -> field -> value
     found: Values = field(default_factory=dict)
 
@@ -200,34 +201,34 @@ class PresetFile:
         _check_objects("planner", self.planner)
         _check_objects("found", self.found)
         _check_objects("biped", self.biped, depth=1)
-        for arm, part in _check_objects("arms", self.arms, depth=1).items():
-            _check_objects(f"arms.{arm}.biped", part.get("biped", {}), depth=1)
-        for arm in self.arms:
-            if arm not in ARMS:
-                raise UnknownNameError("arm of a preset file", arm, ARMS)
-        for arm in ("", *self.arms):
-            self.config(arm)
+        for variant, part in _check_objects("arms", self.variants, depth=1).items():
+            _check_objects(f"arms.{variant}.biped", part.get("biped", {}), depth=1)
+        for variant in self.variants:
+            if variant not in VARIANTS:
+                raise UnknownNameError("variant of a preset file", variant, VARIANTS)
+        for variant in ("", *self.variants):
+            self.config(variant)
 
-    def config(self, arm: str = "") -> PlannerConfig:
+    def config(self, variant: str = "") -> PlannerConfig:
         """The planner's settings of a variant; the empty name gives those common to all.
 
         Raises:
             UnknownNameError: a field that PlannerConfig does not have.
             InvalidValueError: a value that it refuses.
         """
-        own = {name: value for name, value in self.arms.get(arm, {}).items() if name != "biped"}
+        own = {name: value for name, value in self.variants.get(variant, {}).items() if name != "biped"}
         values = {**self.planner, **own}
         _check_fields("planner field of a preset file", values)
-        base = PlannerConfig() if self.base == NEUTRAL else named_preset(self.base).config(arm)
+        base = PlannerConfig() if self.base == NEUTRAL else named_preset(self.base).config(variant)
         return base.replace(**values)
 
-    def robot(self, arm: str = "") -> dict[str, dict[str, Any]]:
+    def robot(self, variant: str = "") -> dict[str, dict[str, Any]]:
         """Section -> field -> value of the robot that a variant walks: the base's, with this file's put in.
 
         For the empty name, and for variants that have none of their own, it is the robot common to all.
         """
-        sections = {} if self.base == NEUTRAL else named_preset(self.base).robot(arm)
-        for part in (self.biped, self.arms.get(arm, {}).get("biped", {})):
+        sections = {} if self.base == NEUTRAL else named_preset(self.base).robot(variant)
+        for part in (self.biped, self.variants.get(variant, {}).get("biped", {})):
             for name, values in part.items():
                 sections[name] = {**sections.get(name, {}), **values}
         return sections
@@ -239,14 +240,16 @@ class PresetFile:
             return self.found.get("robot")
         return named_preset(self.base).made_for
 
-    def has_own_robot(self, arm: str) -> bool:
+    def has_own_robot(self, variant: str) -> bool:
         """Whether a variant walks another robot, or another timing of its touchdown, than the common one."""
-        delays = self.config(arm).touchdown_delay, self.config().touchdown_delay
-        return self.robot(arm) != self.robot() or delays[0] != delays[1]
+        delays = self.config(variant).touchdown_delay, self.config().touchdown_delay
+        return self.robot(variant) != self.robot() or delays[0] != delays[1]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON types."""
-        return {"format": FORMAT, "format_version": FORMAT_VERSION, **asdict(self)}
+        """Plain JSON types, by the keys of the files."""
+        values = asdict(self)
+        content = {key: values[name] for key, name in SECTIONS.items()}
+        return {"format": FORMAT, "format_version": FORMAT_VERSION, **content}
 
     def save(self, path: Path) -> None:
         """Write the file whole or not at all."""
@@ -307,7 +310,7 @@ def _parse(text: str | bytes, name: str) -> PresetFile:
     for section in content:
         if section not in {"format", "format_version", *SECTIONS}:
             raise UnknownNameError(f"section of preset file {name!r}", section, SECTIONS)
-    return PresetFile(**{section: content[section] for section in SECTIONS if section in content})
+    return PresetFile(**{name: content[key] for key, name in SECTIONS.items() if key in content})
 
 
 def read_preset(preset: str) -> PresetFile:
@@ -320,9 +323,9 @@ def read_preset(preset: str) -> PresetFile:
     return load_preset(preset) if is_preset_file(preset) else named_preset(preset)
 
 
-def preset_config(preset: str, arm: str = "") -> PlannerConfig:
+def preset_config(preset: str, variant: str = "") -> PlannerConfig:
     """The planner's settings of a preset, see `read_preset`: of a variant, or those common to all."""
-    return read_preset(preset).config(arm)
+    return read_preset(preset).config(variant)
 
 
 def _check_objects(name: str, section: Any, depth: int = 0) -> Values:
@@ -441,15 +444,15 @@ def scaled_preset(preset: PresetFile, scale: Scale, own: Mapping[str, Mapping[st
     values = {field.name: getattr(config, field.name) for field in fields(PlannerConfig)}
     planner = {**_scaled(values, "planner", scale), **own.get("planner", {})}
     plain = {name: value for name, value in planner.items() if value != getattr(PlannerConfig(), name)}
-    arms = {}
-    for arm, changed in preset.arms.items():
+    variants = {}
+    for variant, changed in preset.variants.items():
         parts = {name: _scaled(part, name, scale) for name, part in changed.get("biped", {}).items()}
         planner_own = {name: value for name, value in changed.items() if name != "biped"}
-        arms[arm] = _scaled(planner_own, "planner", scale) | ({"biped": parts} if parts else {})
+        variants[variant] = _scaled(planner_own, "planner", scale) | ({"biped": parts} if parts else {})
     robot = {
         name: {**_scaled(part, name, scale), **own.get(name, {})} for name, part in preset.robot().items()
     }
-    return PresetFile(NEUTRAL, plain, arms, robot)
+    return PresetFile(NEUTRAL, plain, variants, robot)
 
 
 def _scaled(values: Mapping[str, Any], section: str, scale: Scale) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from ..controllers.array_table import COMMON, Floats1, Floats2, Ints1
 from ..controllers.estimation.base_estimate import TILT_AT_FIRST, VELOCITY_AT_FIRST, Estimator, Inertial
 from ..controllers.estimation.observe import Contacts
 from ..controllers.jit import njit
+from ..controllers.joint_control import JOINT, own_joint
 from ..controllers.math3 import Quaternion, Vector, add, subtract, vector_in, vector_of
 from ..controllers.model.observation import OBSERVATION_SIZE, WORLD_SIZE
 from ..controllers.model.robot import GRAVITY
@@ -74,8 +75,7 @@ GUESS_CHANNEL, BIAS_CHANNEL, SCALE_CHANNEL, OFFSET_CHANNEL = 100, 104, 108, 111 
 GYRO_CHANNEL, FORCE_CHANNEL, WALK_CHANNEL, LOAD_CHANNEL, ENCODER_CHANNEL = 120, 122, 124, 128, 131
 AT_BEGIN = -1  # step of what is drawn once, at the reset
 WALK_EVERY = 50  # physics steps in which a bias stays
-JOINT = 7  # first joint coordinate; a base has seven
-BASE = 6  # and six degrees of freedom
+BASE = 6  # degrees of freedom of the base
 
 
 class Sensors(NamedTuple):
@@ -137,9 +137,7 @@ def joint_noise(sensors: Sensors, phys: Physics, k: int, step: int, first: int, 
     for pair in range(NU // 2):
         a, b = normal_pair(seed, step, first + pair)
         for i in range(2):
-            own = 2 * pair + i
-            if own >= 2 and side == 1:  # the legs change places
-                own = own + 6 if own < 8 else own - 6
+            own = own_joint(2 * pair + i, side)
             sign = phys.mirror[own] if side == 1 else 1.0
             out[own] = sensors.present[own] * sign * (a if i == 0 else b)
 

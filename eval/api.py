@@ -12,7 +12,7 @@ from ..envs.scenario.model_errors import EXACT_MODEL, ModelErrors
 from ..envs.scenario.push import Body
 from ..envs.scenario.scenario import Command, Scenario
 from .ceiling import with_ceiling
-from .rollout import DEFAULT_ENV, REPLICAS, TABLE_ARMS, environments, policy_source
+from .rollout import DEFAULT_ENV, REPLICAS, TABLE_VARIANTS, environments, policy_source
 from .rollout.episodes import rollout as run_episode
 from .rollout.outcome import Outcome
 from .score import evaluate as scoring
@@ -22,7 +22,7 @@ from .score.suites import Suite, on_robots, pushes_on
 
 
 def evaluate(
-    policies: Any = TABLE_ARMS,
+    policies: Any = TABLE_VARIANTS,
     suite: Suite | str | PathLike[str] | None = None,
     env: str = DEFAULT_ENV,
     *,

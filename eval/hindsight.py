@@ -17,7 +17,7 @@ import numpy as np
 
 from ..controllers.errors import InvalidValueError, UnknownNameError, shown
 from ..controllers.model.gait_box import GAIT_SIZE
-from ..controllers.settings import ARMS
+from ..controllers.settings import VARIANTS
 from ..controllers.validation import require_integer
 from ..envs.biped.env import BipedEpisodes
 from ..envs.scenario.push import Push
@@ -44,8 +44,8 @@ class CeilingSettings(SearchSettings):
     policy: str = "two-stage"  # that is corrected, by name
 
     def __post_init__(self) -> None:
-        if self.policy not in ARMS:
-            raise UnknownNameError("policy", self.policy, ARMS)
+        if self.policy not in VARIANTS:
+            raise UnknownNameError("policy", self.policy, VARIANTS)
         super().__post_init__()
 
     @property

@@ -1,7 +1,6 @@
 """Bad input, rule by rule: what each module refuses stands in its own tests.
 
-Here: physical constants and limits, the error classes, atomic files, and the real command in a process of
-its own.
+Here: physical constants and limits, the error classes, atomic files, and the command.
 """
 
 import json
@@ -26,6 +25,7 @@ from push_recovery.controllers.model.robot import RobotModel, natural_frequency
 from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription
 from push_recovery.controllers.policies.mlp import Mlp, Normalisation
 from push_recovery.controllers.settings import PlannerConfig
+from push_recovery.eval.cli.main import main
 from push_recovery.eval.score.suites import Suite, get_suite
 
 PENDULUM = "PushRecovery/Pendulum-v0"
@@ -188,22 +188,33 @@ def test_a_write_that_fails_leaves_the_old_file_and_no_other(tmp_path, monkeypat
     assert path.read_bytes() == b"old"
 
 
-# The command itself, in a process of its own
+# The command itself
 
 
-def refused(directory, *argv):
-    """Run the command; it must exit with 2, print one line on standard error alone, and make no file."""
-    before = sorted(path.name for path in directory.rglob("*"))
+@pytest.fixture
+def refused(tmp_path, monkeypatch, capsys):
+    """Run a command; it must exit with 2, print one line on standard error alone, and make no file."""
+
+    def run(*argv):
+        monkeypatch.chdir(tmp_path)
+        before = sorted(path.name for path in tmp_path.rglob("*"))
+        assert main(argv) == 2
+        printed, line = capsys.readouterr()
+        assert printed == ""
+        assert len(line.splitlines()) == 1, line
+        assert line.startswith("push-recovery")
+        assert "error: " in line
+        assert sorted(path.name for path in tmp_path.rglob("*")) == before
+        return line
+
+    return run
+
+
+def test_in_a_process_of_its_own_it_says_the_same(refused, tmp_path):
+    argv = ["evaluate", "--env", PENDULUM, "--policies", "two-stag"]
     command = [sys.executable, "-m", "push_recovery", *argv]
-    done = subprocess.run(command, cwd=directory, capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 2, done.stderr
-    assert done.stdout == ""
-    assert len(done.stderr.splitlines()) == 1, done.stderr
-    assert done.stderr.startswith("push-recovery")
-    assert "error: " in done.stderr
-    assert "Traceback" not in done.stderr
-    assert sorted(path.name for path in directory.rglob("*")) == before
-    return done.stderr
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", refused(*argv))
 
 
 @pytest.mark.parametrize(
@@ -220,18 +231,18 @@ def refused(directory, *argv):
         (["bench", "--env", "pendulum"], ["'pendulum'", PENDULUM]),
     ],
 )
-def test_unknown_names_end_every_command_with_one_line_and_no_file(argv, words, tmp_path):
-    line = refused(tmp_path, *argv)
+def test_unknown_names_end_every_command_with_one_line_and_no_file(argv, words, refused):
+    line = refused(*argv)
     assert all(word in line for word in words), line
 
 
-def test_a_changed_suite_is_refused_with_both_hashes(tmp_path):
+def test_a_changed_suite_is_refused_with_both_hashes(tmp_path, refused):
     path = tmp_path / "mine.json"
     Suite("mine", "1", get_suite("standard").scenarios[:2]).save(path)
     content = json.loads(path.read_text())
     content["scenarios"][0]["pushes"][0]["force"][1] += 1.0
     path.write_text(json.dumps(content))
-    line = refused(tmp_path, "evaluate", "--env", PENDULUM, "--suite", "mine.json")
+    line = refused("evaluate", "--env", PENDULUM, "--suite", "mine.json")
     assert content["sha256"] in line
     assert "mine.json" in line
 
@@ -245,34 +256,34 @@ def test_a_changed_suite_is_refused_with_both_hashes(tmp_path):
         ({"when": 3.0}, ["'when'", "start"]),
     ],
 )
-def test_an_impossible_push_in_a_suite_is_named(change, words, tmp_path):
+def test_an_impossible_push_in_a_suite_is_named(change, words, tmp_path, refused):
     push = {"force": [1.0, 0.0, 0.0], "duration": 0.1, "start": 1.0, **change}
     suite = {"name": "mine", "version": "1", "scenarios": [{"id": "a", "pushes": [push]}]}
     (tmp_path / "mine.json").write_text(json.dumps(suite))
-    line = refused(tmp_path, "evaluate", "--env", PENDULUM, "--suite", "mine.json", "--out", "out")
+    line = refused("evaluate", "--env", PENDULUM, "--suite", "mine.json", "--out", "out")
     assert all(word in line for word in words), line
 
 
-def test_policies_made_for_others_are_refused(tmp_path):
+def test_policies_made_for_others_are_refused(tmp_path, refused):
     save_network(tmp_path / "small.safetensors", inputs=12)
     save_network(tmp_path / "heavy.safetensors", robot=RobotModel(mass=70.0))
     argv = ["evaluate", "--env", PENDULUM, "--out", "out", "--policies"]
-    line = refused(tmp_path, *argv, "small.safetensors")
+    line = refused(*argv, "small.safetensors")
     assert all(word in line for word in ("small.safetensors", "made for 12 observations", "(36,)"))
-    line = refused(tmp_path, *argv, "heavy.safetensors")
+    line = refused(*argv, "heavy.safetensors")
     assert "mass" in line
     assert "70" in line
 
 
-def test_a_policy_without_its_weights_is_refused(tmp_path):
+def test_a_policy_without_its_weights_is_refused(tmp_path, refused):
     save_network(tmp_path / "p.safetensors")
     (tmp_path / "p.safetensors").unlink()
-    line = refused(tmp_path, "evaluate", "--env", PENDULUM, "--policies", "p.json")
+    line = refused("evaluate", "--env", PENDULUM, "--policies", "p.json")
     assert "p.safetensors" in line
 
 
-def test_whole_actions_are_not_scored_as_residuals(tmp_path):
-    line = refused(tmp_path, "evaluate", "--env", "PushRecovery/BipedResidual-v0", "--policies", "two-stage")
+def test_whole_actions_are_not_scored_as_residuals(refused):
+    line = refused("evaluate", "--env", "PushRecovery/BipedResidual-v0", "--policies", "two-stage")
     assert "residuals" in line
     assert "PushRecovery/Biped-v0" in line
 

@@ -1,6 +1,7 @@
 """Inputs of the networks of a training for n robots, and what their outputs do to these robots."""
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,12 +72,18 @@ def sensing_error(episodes: GaitEpisodes) -> Array:
     return (episodes.core.truth - episodes.core.observation) / SENSING_ERROR
 
 
-# Blocks that only the value network sees, since they are known in training alone: sizes and values
-CRITIC: dict[str, tuple[int, Callable[[GaitEpisodes], Array]]] = {
-    "push": (2, impulse_to_come),
-    "place": (6, place_to_come),
-    "schedule": (3, pushes_to_come),
-    "sensing": (OBSERVATION_SIZE, sensing_error),
+class Block(NamedTuple):
+    """A block of inputs that only the value network sees, since it is known in training alone."""
+
+    size: int
+    values: Callable[[GaitEpisodes], Array]  # (n, size)
+
+
+CRITIC = {
+    "push": Block(2, impulse_to_come),
+    "place": Block(6, place_to_come),
+    "schedule": Block(3, pushes_to_come),
+    "sensing": Block(OBSERVATION_SIZE, sensing_error),
 }
 
 
@@ -96,7 +103,7 @@ def check_critic(names: Sequence[str]) -> tuple[str, ...]:
 
 def critic_size(names: Sequence[str]) -> int:
     """Length of the blocks together."""
-    return sum(CRITIC[name][0] for name in names)
+    return sum(CRITIC[name].size for name in names)
 
 
 class Actor:
@@ -132,7 +139,7 @@ class Actor:
     def inputs(self) -> NDArray[np.float32]:
         """Inputs of the networks (n, size), as seen last."""
         rows = self._inputs.rows(self._episodes.seen, None if self._rule is None else self._below)
-        more = [CRITIC[name][1](self._episodes) for name in self._critic]
+        more = [CRITIC[name].values(self._episodes) for name in self._critic]
         return np.hstack([rows, *more]).astype(np.float32)
 
     def actions(self, outputs: Actions) -> Actions:

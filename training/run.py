@@ -182,8 +182,9 @@ class Progress(BaseCallback):
     """Reports after each rollout, and the share of training episodes that recovered to TensorBoard.
 
     Args:
-        report: Told mean reward and recovered share of the last 100 episodes, then what `judged` says.
-        judged: How the policy does without noise, in words.
+        report: called with the mean reward and the recovered share of the last 100 episodes, then what
+            `judged` says.
+        judged: how the policy does without noise, in words.
     """
 
     def __init__(self, report: Report, judged: Callable[[], str]):

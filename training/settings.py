@@ -51,6 +51,7 @@ LOG_STD = {"residual": -2.0, "scratch": -1.0, "joint": -1.5, "joint-residual": -
 TAUGHT_ENV = "PushRecovery/BipedJoint-v0"  # of what a teacher shows (`envs.joint.taught`)
 # Hard pushes, most of which the planner recovers from
 TRAINING_PUSHES = PushDistribution(impulse_min=70.0, impulse_max=210.0, settle_time=2.5)
+# Values of settings that older runs lack
 LATER: dict[str, Any] = {
     "initial": None,
     "critic": [],
@@ -63,7 +64,6 @@ LATER: dict[str, Any] = {
     "log_std_end": None,
     "retries": 0,
 }
-# of runs before these settings
 Report = Callable[[int, str], None]  # timesteps so far, and how it goes, in words
 Widths = Annotated[tuple[int, ...], arg(metavar="N [N ...]")]
 # Kinds of settings in words
@@ -191,8 +191,8 @@ class TrainingSettings:
     """largest logarithm of the standard deviation at the end; the bound falls linearly from the initial one;
     None: no bound"""
     normalise_reward: bool | None = None
-    """divide the reward by the running deviation of the return; None: yes for the environment's own reward,
-    no for that of recovery"""
+    """divide the reward by the running deviation of the return; None: only with the reward
+    environment"""
 
     # Reports
     checkpoint_every: int = 100_000  # least number of timesteps between checkpoints

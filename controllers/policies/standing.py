@@ -52,7 +52,7 @@ from ..settings import PlannerConfig
 from ..stage_1 import DCM_AHEAD, NOMINAL, NOMINAL_OFFSET, RESULT, ROW_SIZE, StepPlanner
 from ..stage_2.problem import RESULT_COP, RESULT_SIZE, RESULT_TRUNK, Regulator, cop_bounds
 from ..stage_2.standing import DCM as STATE_DCM
-from ..stage_2.standing import INPUTS, StandingPlanner, plan_standing_rows
+from ..stage_2.standing import INPUTS, LEAN_RATE, OTHER_FOOT, StandingPlanner, plan_standing_rows
 from ..stage_2.standing import LEAN as STATE_LEAN
 
 Floats = NDArray[np.float64]
@@ -150,10 +150,10 @@ def stay_rows(batch: Any, rows: Any, step: Any, packed: Any) -> int:
         push = seen[PUSH_ESTIMATE]
         carry = c.carry if math.hypot(push[0], push[1]) >= c.push_threshold else 0.0
         for axis in range(2):
-            state[0, axis] = seen[SWING_POSITION.start + axis]
+            state[0, OTHER_FOOT + axis] = seen[SWING_POSITION.start + axis]
             state[0, STATE_DCM + axis] = seen[DCM.start + axis] + carry * push[axis]
             state[0, STATE_LEAN + axis] = seen[TRUNK_ANGLE.start + axis]
-            state[0, STATE_LEAN + 2 + axis] = seen[TRUNK_RATE.start + axis]
+            state[0, LEAN_RATE + axis] = seen[TRUNK_RATE.start + axis]
         plan_standing_rows(state, result, s.stage_2)
         write_no_step(row, c)
         row[RESULT:] = result[0]

@@ -18,7 +18,7 @@ from ..model.gait_box import COP, DURATION, GAIT_SIZE, STEP, TRUNK, GaitLimits
 from ..model.nominal_gait import NOMINAL_SIZE, NominalGait, scale_action
 from ..model.observation import ELAPSED, OBSERVATION_SIZE, as_batch
 from ..model.robot import RobotModel
-from ..settings import ARMS, PAPER_SUFFIX, PlannerConfig, load_preset, named_preset, preset_config
+from ..settings import PAPER_SUFFIX, VARIANTS, PlannerConfig, load_preset, named_preset, preset_config
 from ..stage_1 import DCM_END, HELD, NOMINAL, OFFSET, REMAINING, ROW_SIZE, STATUS, TARGET, StepPlanner
 from ..stage_2.problem import STATUS as STATUS_NAMES
 from ..stage_2.problem import NoStage2, OneAxisTrunk, Regulator
@@ -262,7 +262,7 @@ class RandomPolicy:
         return (actions[0] if single else actions), state
 
 
-POLICY_NAMES = (*ARMS, "random")
+POLICY_NAMES = (*VARIANTS, "random")
 
 
 def make_policy(
@@ -290,5 +290,5 @@ def make_policy(
         return RandomPolicy()
     if name.endswith(PAPER_SUFFIX):
         config = config.replace(**named_preset("paper").planner)
-    config = config.replace(**ARMS[name].settings)
+    config = config.replace(**VARIANTS[name].settings)
     return TwoStagePolicy(robot, limits, config, adapt=name != "passive", name=name)

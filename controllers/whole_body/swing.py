@@ -115,7 +115,8 @@ def swing_update(
 
 SIZE = 7  # swing sole: yaw, rate, acceleration; pelvis: the same; yaw at which the sole is to land
 SWING, PELVIS_YAW, LANDING = 0, 3, 6
-TURN = 2  # column of a command: velocity x, y [m/s], turn [rad/s]
+COMMAND_X, COMMAND_Y, TURN, STAND = range(4)  # columns of a command [m/s], [m/s], [rad/s], 1: stand
+COMMAND_SIZE = 4
 LARGEST_GIVEN = 0.8  # yaw by which a sole lands turned for a twisted pelvis [rad]
 
 

@@ -30,11 +30,11 @@ from ...controllers.whole_body.gait_machine import FLOOR, GaitSettings, resting_
 from ...controllers.whole_body.inverse_dynamics import Gains
 from ...controllers.whole_body.kinematics import FOOT_BODY, Array, Physics, sole_position
 from ...controllers.whole_body.limits import BoundSettings, make_bounds
-from ..robots.biped import biped
+from ...controllers.whole_body.swing import COMMAND_SIZE
+from ..robots.biped import BIPED, biped
 from ..robots.compiled_robot import CompiledRobot
 from ..robots.indices import MISSING, inputs, outputs
 from ..scenario.arrays import (
-    COMMAND_SIZE,
     NUMBERS,
     Kicks,
     assign_changes,
@@ -69,7 +69,6 @@ from .period import (
 )
 from .posture import posture
 
-BIPED = RobotModel()  # Table II
 OF_ROBOT = (
     "omega",
     "com_height",
@@ -144,9 +143,9 @@ class BipedSettings:
         return {name: {key: values[key] for key in SECTIONS[name]} for name, values in sections.items()}
 
 
-def biped_settings(preset: str, arm: str = "") -> BipedSettings:
-    """The settings of a preset, by name or file, for an arm; the rest is the biped's own preset's."""
-    return BipedSettings().changed(load_preset(preset).robot(arm))
+def biped_settings(preset: str, variant: str = "") -> BipedSettings:
+    """The settings of a preset, by name or file, for a variant; the rest is the biped's own preset's."""
+    return BipedSettings().changed(load_preset(preset).robot(variant))
 
 
 DEFAULT_PLANNER = PlannerConfig()
@@ -267,7 +266,7 @@ class BipedCore:
 
     def configure(self, settings: BipedSettings, planner: PlannerConfig = DEFAULT_PLANNER) -> None:
         """Set the constants of gait machine and whole-body control, and whose plans' limits are recorded."""
-        self.settings = settings.gait._replace(double_support=planner.double_support)
+        self.gait_settings = settings.gait._replace(double_support=planner.double_support)
         self._capture = capture_constants(self.robot, self._limits)
         self._footholds = FootholdPlanner(self.robot.omega, self._limits, planner)
         self.limits_record.edges[:] = plan_limits(self.robot, self._limits, planner, settings.gait.commit)
@@ -275,7 +274,7 @@ class BipedCore:
         whole = settings.bounds._replace(cop_x_max=self._limits.cop_x_max, cop_y_max=self._limits.cop_y_max)
         self._bounds = [make_bounds(settings.bounds, motors) for _ in threads]
         self._both = [make_bounds(whole, motors, two_feet=True) for _ in threads]
-        self.constants = arena_constants(self.settings, settings.gains, settings.bounds, whole)
+        self.constants = arena_constants(self.gait_settings, settings.gains, settings.bounds, whole)
         self._bind()
 
     def _bind(self) -> None:
@@ -336,7 +335,7 @@ class BipedCore:
         sensors = self.senses.last.sensors if self.senses.of(k) else None
         self._of_laws[k] = assign_laws(self.pushes, k, scenario, self.body, model, data, sensors)
         if scenario.floor_goes:
-            self.errors.physical[k] = self.errors.believes[k] = 1
+            self.errors.physical[k] = self.errors.mismatched[k] = 1
         self.kicks.assign(k, scenario.jumps)
 
     def reset(self, k: int, scenario: Scenario, start: NominalStart, gait: Array, action: Array) -> None:
@@ -374,7 +373,7 @@ class BipedCore:
         self.gait.plan[k] = gait
         self.previous_action[k] = action
         self.contacts.time[k] = 0.0
-        forget(self.known, k, self.settings, self._bounds[0][0].settings.friction)
+        forget(self.known, k, self.gait_settings, self._bounds[0][0].settings.friction)
         clear_record(self.limits_record, k)
         self.truth[k] = 0.0
         kind = self.senses.of(k)
@@ -402,8 +401,8 @@ class BipedCore:
         if self.senses.of(k):
             gravity = self.simulations.models[k].opt.gravity
             begin_onboard(self.senses.kinds[self.senses.of(k)], k, self.physics, self.contacts, gravity)
-            self.errors.physical[k] = self.errors.believes[k] = 1
-        if self.errors.believes[k]:
+            self.errors.physical[k] = self.errors.mismatched[k] = 1
+        if self.errors.mismatched[k]:
             compute_nominal(self.simulations.handles, k)
 
     def put_back(self, k: int, state: Array) -> None:
@@ -454,7 +453,7 @@ class BipedCore:
                 continue
             stance, asked, true = gait.stance[k], gaits[k], self.true_state(k)
             landing = max(gait.plan[k, DURATION], asked[DURATION]) - gait.elapsed[k]
-            committed = landing < self.settings.commit
+            committed = landing < self.gait_settings.commit
             (x, y, _), forward = sole_position(true, k, stance), true.xmat[k, FOOT_BODY[stance]]
             yaw, sign = math.atan2(forward[3], forward[0]), side_sign(stance)
             way, speed = self.floors.way[k], self.command.item(k, 0)
@@ -483,7 +482,7 @@ class BipedCore:
         A robot with its own sensors feels it as they do, by an accelerometer that has a range.
         """
         self.simulations.jump(k, self.body.indices.dof[:3], velocity)
-        if not self.errors.believes[k]:
+        if not self.errors.mismatched[k]:
             self.simulations.show(k)
             return
         self.true_state(k).qvel[k, :3] += velocity

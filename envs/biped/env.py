@@ -25,7 +25,7 @@ from ..episode.vector_env import vector_maker
 from ..robots.compiled_robot import compiled_robot
 from ..robots.description import RobotDescription, check_preset, robot_description
 from ..scenario.distribution import PushDistribution
-from ..scenario.push import GRIPPED
+from ..scenario.push import FLOOR_LAWS
 from ..scenario.scenario import Scenario, get_profiles
 from ..snapshot import Arrays, RobotSnapshot, arrays_of, digest_of, model_digest
 from .core import BIPED, BIPED_LIMITS, BipedCore, biped_settings
@@ -55,7 +55,7 @@ class BipedConfig:
     robot: str | RobotDescription = "biped"  # or the place of another's description, `module:attribute`
     profile: str | Sequence[str] = "exact"  # of robots in scenarios that are drawn, one of several alike
     sensing: str | None = None  # in every scenario, above what it says; None: what it says
-    arm: str = ""  # policy whose own robot they are, where the preset has one for it
+    variant: str = ""  # policy whose own robot they are, where the preset has one for it
 
 
 class BipedEpisodes(GaitEpisodes[BipedCore]):
@@ -85,13 +85,13 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
         self.profile = get_profiles(config.profile).scaled(Similarity.of(body.robot))
         preset = self.description.preset if config.preset is None else config.preset
         self.config = replace(config, preset=preset, robot=self.description)
-        settings = biped_settings(preset, config.arm).of_robot(body.robot)
+        settings = biped_settings(preset, config.variant).of_robot(body.robot)
         check_preset(preset, body.robot, settings.limits)
-        super().__init__(n, body.robot, settings.limits, preset, config.control_hz, config.arm)
+        super().__init__(n, body.robot, settings.limits, preset, config.control_hz, config.variant)
         self.core = self.core_of(
             self.n, self.robot, self.limits, self.control_hz, threads, body, config.sensing
         )
-        self.core.configure(settings, preset_config(preset, config.arm))
+        self.core.configure(settings, preset_config(preset, config.variant))
 
     def _options(self) -> dict[str, Any]:
         """Further arguments of the constructor that made these."""
@@ -118,7 +118,7 @@ class BipedEpisodes(GaitEpisodes[BipedCore]):
     def _put_beside_arrays(self, k: int, snapshot: RobotSnapshot) -> None:
         simulations = self.core.simulations
         tile_places(simulations.models[k])[:] = snapshot.rows[TILES]
-        if (self.core.pushes.law[k] >= GRIPPED).any():
+        if np.isin(self.core.pushes.law[k], FLOOR_LAWS).any():
             put_floor_state(simulations.models[k], snapshot.rows[FLOOR])
         self.core.put_back(k, snapshot.rows[SIMULATION])
         self.core.kicks.pass_over(k, snapshot.rows[KICKED].item())
@@ -171,7 +171,7 @@ class BipedEnv(GaitEnv):
         robot: str | RobotDescription = "biped",
         profile: str | Sequence[str] = "exact",
         sensing: str | None = None,
-        arm: str = "",
+        variant: str = "",
     ):
         """Build one biped.
 
@@ -187,11 +187,11 @@ class BipedEnv(GaitEnv):
                 losses, delay and finer physics, too; of several each scenario draws one.
             sensing: what planner and control act on in every scenario, the true state ("exact") or what the
                 robot's own sensors tell ("onboard"); None: what the scenario says.
-            arm: the policy that will act, for its own robot where the preset has one (`arms.NAME.biped`).
+            variant: the policy that will act, for its own robot where the preset has one (`arms.NAME.biped`).
         """
-        config = BipedConfig(preset, control_hz, robot, profile, sensing, arm)
+        config = BipedConfig(preset, control_hz, robot, profile, sensing, variant)
         super().__init__(self.make_episodes(1, config), render_mode, push_distribution)
-        self.arm = arm
+        self.variant = variant
 
     def _make_picture(self, window: bool) -> Any:
         from .view import BipedView

@@ -31,7 +31,7 @@ from ...controllers.whole_body.kinematics import Array, Ints, Physics
 from ..robots.compiled_robot import CompiledRobot
 from ..robots.indices import pushed_rows
 from ..scenario.arrays import DUE, Pushes
-from ..scenario.push import AT_TOE, BOUND, COUPLED, GRIPPED, MOVED, STAYS, TILTED, CouplingTerms
+from ..scenario.push import ACCELERATING, AT_TOE, BOUND, COUPLED, GRIPPED, STAYS, TILTED, CouplingTerms
 from ..scenario.scenario import Scenario
 from ..sensing import Sensors
 from ..simulation import ENTRY
@@ -113,7 +113,7 @@ def assign_laws(
             kept.append(np.array([model.pair_friction[pair].ctypes.data for pair in pairs], np.int64))
             pushes.places[k, i, [PAIRS, COUNT]] = kept[-1].ctypes.data, len(pairs)
             pushes.progress[k, i, NOMINAL] = model.pair_friction[pairs[0], 0]
-        elif pushes.law[k, i] in {MOVED, TILTED}:
+        elif pushes.law[k, i] in ACCELERATING:
             felt = 0 if sensors is None else sensors.gravity[k].ctypes.data
             pushes.places[k, i, [FIELD, FELT]] = model.opt.gravity.ctypes.data, felt
             pushes.progress[k, i, GRAVITY:][:3] = model.opt.gravity

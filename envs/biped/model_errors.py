@@ -22,6 +22,7 @@ from numba.np.numpy_support import carray
 from ...controllers.array_table import Floats2, Floats3, Ints1, Ints2
 from ...controllers.errors import InvalidValueError, PushRecoveryError, shown
 from ...controllers.jit import njit
+from ...controllers.joint_control import own_joint
 from ...controllers.math3 import stack_floats
 from ...controllers.model.observation import COM_VELOCITY, PUSH_ESTIMATE
 from ...controllers.model.robot import GRAVITY
@@ -191,7 +192,7 @@ DCM_NOISE, JOINT_NOISE = 0, 1  # columns of `RobotErrors.noise` [m], [rad]
 STEPS, WHOLE = 0, 1  # columns of `RobotErrors.fine`
 # Errors with which the robot's kinematics, mass matrix and bias are what control takes them for; so they are
 # on any terrain but one that tilts gravity
-BELIEVED = {
+SAME_AS_NOMINAL = {
     "friction", "floor_step", "slope_forward", "slope_left", "terrain", "joint_friction", "joint_damping",
     "collisions", "floor_known", "motor_power", "bus_power", "continuous_torque", "delay", "dcm_noise",
 }  # fmt: skip
@@ -203,7 +204,7 @@ class RobotErrors(NamedTuple):
     """Errors of n robots as the compiled loop reads them."""
 
     physical: Ints1  # (n,) 1 where a physics step is more than a plain one
-    believes: Ints1  # (n,) 1 where what control takes for the robot is not what the physics has
+    mismatched: Ints1  # (n,) 1 where kinematics or mass matrix differ from the nominal robot's
     delay: Ints1  # (n,) of the torques [physics steps]
     noise: Floats2  # (n, 2) deviation of the DCM [m] and of the joints [rad]
     seed: Ints1  # (n,)
@@ -219,7 +220,7 @@ class RobotErrors(NamedTuple):
 def no_errors(n: int) -> RobotErrors:
     """Arrays of n robots without errors."""
     return RobotErrors(
-        physical=np.zeros(n, np.int64), believes=np.zeros(n, np.int64), delay=np.zeros(n, np.int64),
+        physical=np.zeros(n, np.int64), mismatched=np.zeros(n, np.int64), delay=np.zeros(n, np.int64),
         noise=np.zeros((n, 2)), seed=np.zeros(n, np.int64), period=np.zeros(n, np.int64),
         step=np.zeros(n, np.int64), torques=np.zeros((n, LONGEST_DELAY + 1, NU)),
         motors=np.zeros((n, 3, NU)), power=np.zeros((n, 3)), warmth=np.zeros((n, NU)),
@@ -249,7 +250,9 @@ def assign_errors(
         return None
     check_biped_errors(errors)
     model = altered_model(robot, errors, physics)
-    table.believes[k] = not set(errors.names) <= BELIEVED or errors.joint_noise > 0.0 or any(errors.tilt)
+    table.mismatched[k] = (
+        not set(errors.names) <= SAME_AS_NOMINAL or errors.joint_noise > 0.0 or any(errors.tilt)
+    )
     table.delay[k] = round(errors.delay / CONTROL_STEP)
     limits = {EACH: errors.motor_power, TOGETHER: errors.bus_power, CONTINUOUS: errors.continuous_torque}
     for column, limit in limits.items():
@@ -260,7 +263,7 @@ def assign_errors(
     table.fine[k] = physics.steps, physics.integrator == "rk4"
     finely = physics.steps > 1 or table.fine[k, WHOLE] != 0
     limited = any(limit is not None for limit in limits.values())
-    table.physical[k] = table.believes[k] or table.delay[k] > 0 or finely or limited
+    table.physical[k] = table.mismatched[k] or table.delay[k] > 0 or finely or limited
     table.noise[k] = errors.dcm_noise, errors.joint_noise
     table.seed[k] = counter_seed(scenario.noise_seed)
     return copy.copy(model) if model is not None and has_tiles(model) else model  # its tiles move
@@ -296,11 +299,9 @@ def measure_joints(phys: Physics, errors: RobotErrors, k: int, first_side: int) 
     Legs are counted from the stance leg of step 0, and mirrored with it.
     """
     deviation = errors.noise[k, JOINT_NOISE]
-    for own in range(NU):
-        leg, joint = (own - 2) // 6, (own - 2) % 6
-        count = own if own < 2 else 2 + joint + (6 if leg != first_side else 0)
-        mirrored = phys.mirror[own if own < 2 else 2 + joint]
-        sign = mirrored if first_side == 1 else 1.0
+    for count in range(NU):
+        own = own_joint(count, first_side)
+        sign = phys.mirror[own] if first_side == 1 else 1.0
         angle, rate = normal_pair(errors.seed[k], errors.step[k], JOINT_CHANNEL + count)
         dof = WAIST_DOF + own
         phys.qpos[k, dof + 1] += sign * deviation * angle
@@ -345,7 +346,7 @@ def advance_with_errors(
 ) -> None:
     """One control step of a robot with errors: its own physics, then what is believed of it."""
     move(phys, errors, k, handles, force, dt)
-    if errors.believes[k] == 0:
+    if errors.mismatched[k] == 0:
         show_unmeasured(handles, k)
         return
     if errors.noise[k, JOINT_NOISE] > 0.0:

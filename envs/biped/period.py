@@ -42,19 +42,10 @@ from ...controllers.whole_body.gait_machine import NOT_FINITE, Gait, GaitSetting
 from ...controllers.whole_body.inverse_dynamics import Gains
 from ...controllers.whole_body.kinematics import BODIES, PUSHED_BODY, Array, Ints, Physics
 from ...controllers.whole_body.limits import DCM_TRACKING, Bounds, BoundSettings
-from ...controllers.whole_body.swing import TURN
-from ..scenario.arrays import (
-    STAND,
-    Pushes,
-    Schedule,
-    follow,
-    may_stay,
-    mean_force,
-    resolve_starts,
-    turn_forces,
-)
+from ...controllers.whole_body.swing import STAND, TURN
+from ..scenario.arrays import Pushes, Schedule, follow, may_stay, mean_force, resolve_starts, turn_forces
 from ..scenario.model_errors import CONTROL_STEP
-from ..scenario.push import COUPLED, GRIPPED, RAMPED
+from ..scenario.push import COUPLED, FLOOR_LAWS, RAMPED
 from ..sensing import SensedObservation, Sensors, read_inertial, read_joints_and_feet
 from ..simulation import Handles, advance, compute_nominal, show_unmeasured
 from . import model_errors
@@ -74,7 +65,7 @@ SETTINGS, GAINS, BOUND_SETTINGS = len(GaitSettings._fields), len(Gains._fields),
 class Exchange(NamedTuple):
     """Inputs and outputs of the loop besides the state of the robots."""
 
-    command: Floats2  # (n, 3) in force [m/s], [m/s], [rad/s]
+    command: Floats2  # (n, 4) in force [m/s], [m/s], [rad/s], 1: stand
     previous_action: Floats2  # (n, 7)
     capture: Annotated[Floats1, COMMON]  # `CaptureConstants`
     observation: Floats2  # (n, 36), written
@@ -380,7 +371,7 @@ def apply_pushes(phys: Physics, gait: Gait, k: int, pushes: Pushes, dt: float) -
     phys.xfrc[k] = 0.0
     for i in range(pushes.start.shape[1]):
         law = pushes.law[k, i]
-        if law >= GRIPPED:
+        if law in FLOOR_LAWS:
             move_floor(pushes, k, i, now, dt, gait.heading[k], phys)
             continue
         if law == COUPLED:

@@ -56,7 +56,7 @@ class Core(Protocol):
 
     observation: Array  # (n, 36) what policies see
     truth: Array  # (n, 36) the same without noise, to judge by
-    command: Array  # (n, 3) in force: velocity in the heading frame [m/s], turn [rad/s]
+    command: Array  # (n, 4) in force: velocity in the heading frame [m/s], turn [rad/s], 1: stand
     previous_action: Array  # (n, 7)
     margin: Array  # (n,) capture margin [m]
     world: Array  # (n, 6) DCM, CoP and CMP in the world [m]
@@ -106,9 +106,9 @@ class GaitEpisodes(ABC, Generic[C]):
     core: C
 
     def __init__(
-        self, n: int, robot: RobotModel, limits: GaitLimits, preset: str, control_hz: float, arm: str = ""
+        self, n: int, robot: RobotModel, limits: GaitLimits, preset: str, control_hz: float, variant: str = ""
     ):
-        """Set up all but the core; the timing of touchdowns is the preset's for the policy `arm`.
+        """Set up all but the core; the timing of touchdowns is the preset's for the policy `variant`.
 
         Raises:
             InvalidValueError: no robot or too many; a robot or limits that are none; a rate outside
@@ -119,7 +119,7 @@ class GaitEpisodes(ABC, Generic[C]):
         require_kind("robot", robot, RobotModel)
         require_kind("limits", limits, GaitLimits)
         control_hz = require_number("control_hz [Hz]", control_hz, 20.0, 1000.0)
-        config = preset_config(preset, arm)
+        config = preset_config(preset, variant)
         if config.double_support > 0 and not self.has_double_support:
             valid = [name for name in preset_names() if preset_config(name).double_support == 0]
             raise InvalidValueError(
@@ -128,7 +128,7 @@ class GaitEpisodes(ABC, Generic[C]):
             )
         announce_compilation()
         self.n, self.robot, self.limits, self.preset = n, robot, limits, preset
-        self.control_hz, self.arm = control_hz, arm
+        self.control_hz, self.variant = control_hz, variant
         timing = self.touchdown_delay, self.double_support = config.touchdown_delay, config.double_support
         self.both_feet = self.double_support > 0.0  # whether a robot may be on both feet at a time
         self.monitor = GaitMonitor(self.n)

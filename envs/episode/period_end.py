@@ -150,7 +150,7 @@ class Robots(NamedTuple):
     failure: Ints1  # (n,) why they have fallen, 0: they have not
     observation: Floats2  # (n, 36), without noise
     margin: Floats1  # (n,) capture margin [m]
-    command: Floats2  # (n, 3) in force: velocity in the heading frame [m/s], turn [rad/s]
+    command: Floats2  # (n, 4) in force: velocity in the heading frame [m/s], turn [rad/s], 1: stand
     action: Floats2  # (n, 7) in force in the period
     push_start: Floats2  # (n, P) [s], inf while the gait event has not come
     push_duration: Floats2  # (n, P) [s]

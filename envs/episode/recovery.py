@@ -87,7 +87,7 @@ def record_touchdown(state, k, error, com, heading, time, event, command):  # pr
         time: since reset [s].
         event: when the last push has ended and the command has changed for the last time [s], inf while a
             push waits for its gait event.
-        command: in force (3,), its velocity in the heading frame [m/s].
+        command: in force (4,), its velocity in the heading frame [m/s].
     """
     for i in range(2, 0, -1):
         state.time[k, i], state.error[k, i] = state.time[k, i - 1], state.error[k, i - 1]

@@ -208,8 +208,8 @@ class JointEpisodes(OnJointsEpisodes):
         truth[:, _COMMAND] = command[:, 0]
         truth[:, _COMMAND + 1] = side_sign(core.gait.stance) * command[:, 1]
         write_rewards(
-            self._episodes.terms, truth, gaits, core.joints.effort, core.joints.held,
-            self._rewards.before, core.settings.apex, self._ends[0], self._rewards.terms, self._rewards.total,
+            self._episodes.terms, truth, gaits, core.joints.effort, core.joints.held, self._rewards.before,
+            core.gait_settings.apex, self._ends[0], self._rewards.terms, self._rewards.total,
         )  # fmt: skip
         return self._with_added_terms()
 
@@ -225,9 +225,9 @@ class JointEpisodes(OnJointsEpisodes):
 class JointResidualEpisodes(OnJointsEpisodes):
     """Episodes of n bipeds under a planner, whose joint torques are corrected.
 
-    The planner is a function of the gait observation, as every arm is, and plans for all robots in one call.
-    What it last planned is no state of a robot: one that is put back is planned for anew. While the gate, a
-    function of the same observation, is shut, the planner's walk passes bit for bit.
+    The planner is a function of the gait observation, as every variant is, and plans for all robots in one
+    call. What it last planned is no state of a robot: one that is put back is planned for anew. While the
+    gate, a function of the same observation, is shut, the planner's walk passes bit for bit.
     """
 
     name = "PushRecovery/BipedJointResidual-v0"

@@ -34,7 +34,7 @@ from ...controllers.model.nominal_gait import NominalStart, standing_start
 from ...controllers.validation import require_kind, require_number
 from ...controllers.whole_body.kinematics import NU, NV, PELVIS, TRUNK, Array, Physics
 from ...controllers.whole_body.limits import JOINT_TORQUE, Bounds, write_torque_range
-from ...controllers.whole_body.swing import TURN
+from ...controllers.whole_body.swing import COMMAND_X, COMMAND_Y, TURN
 from ..biped.env import BipedConfig, BipedEnv
 from ..biped.period import Actuation, Arena, Felt, Tables, controller_of
 from ..biped.posture import SUNK, leaning, posture
@@ -185,10 +185,11 @@ def finish_servos(t: Tables, c: Array, k: int, felt: Felt) -> None:
     o, joints = drives.observation[k], drives.target.shape[1]
     velocity = to_body(phys.xmat, k, PELVIS, vector_in(phys.qvel, k, 0))
     for i in range(4):
-        o[i] = phys.qpos[k, 3 + i]
+        o[QUATERNION.start + i] = phys.qpos[k, 3 + i]
     for i in range(3):
-        o[4 + i], o[7 + i] = phys.qvel[k, 3 + i], velocity[i]
-    o[10], o[11], o[12] = command[k, 0], command[k, 1], command[k, TURN]
+        o[RATE.start + i], o[VELOCITY.start + i] = phys.qvel[k, 3 + i], velocity[i]
+    asked = COMMAND.start
+    o[asked], o[asked + 1], o[asked + 2] = command[k, COMMAND_X], command[k, COMMAND_Y], command[k, TURN]
     for i in range(joints):
         o[ANGLES + i], o[ANGLES + joints + i] = phys.qpos[k, JOINT + i], phys.qvel[k, BASE + i]
 
@@ -364,7 +365,7 @@ class Moment(NamedTuple):
     heading: Array  # (n,) [rad]
     time: Array  # (n,) since reset [s]
     event: Array  # (n,) when the last push has ended and the command has changed for the last time [s]
-    command: Array  # (n, 3) in force
+    command: Array  # (n, 4) in force
     lean: Array  # (n,) of pelvis or trunk, whichever leans more [rad]
 
 

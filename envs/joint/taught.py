@@ -204,7 +204,7 @@ class TaughtEpisodes(JointEpisodes):
         super().__init__(n, config, threads, **changes)
         self.policy = policy
         self.planner = make_policy(policy, self.robot, self.limits, self.preset)
-        self._plans = np.zeros((n, 7), np.float32)
+        self._plans = np.zeros((n, GAIT_SIZE), np.float32)
 
     def _options(self) -> dict[str, Any]:
         return {"policy": self.policy}

@@ -32,7 +32,8 @@ from ...controllers.model.observation import PUSH_ESTIMATE, side_sign
 from ...controllers.model.robot import GRAVITY
 from ...controllers.model.standing import may_settle, stays_on_other_foot
 from ...controllers.stage_1 import stopping_debt
-from ..scenario.arrays import STAND, may_stay, resolve_starts
+from ...controllers.whole_body.swing import STAND
+from ..scenario.arrays import may_stay, resolve_starts
 from ..scenario.model_errors import BOUNDS
 from ..scenario.noise import (
     COM_NOISE,

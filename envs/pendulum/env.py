@@ -20,12 +20,12 @@ from ...controllers.model.nominal_gait import NominalStart, both_stand, check_do
 from ...controllers.model.robot import RobotModel
 from ...controllers.model.standing import margin_on_both_feet
 from ...controllers.validation import require_kind
+from ...controllers.whole_body.swing import COMMAND_SIZE
 from ..episode.episodes import GaitEpisodes, Ints
 from ..episode.gym_env import GaitEnv
 from ..episode.period_end import Motion
 from ..episode.vector_env import vector_maker
 from ..scenario.arrays import (
-    COMMAND_SIZE,
     NUMBERS,
     assign_changes,
     assign_pushes,

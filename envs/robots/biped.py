@@ -7,7 +7,7 @@ from importlib.resources import files
 
 import mujoco
 
-from ...controllers.model.robot import BodyPlan, RobotModel
+from ...controllers.model.robot import REFERENCE, BodyPlan
 from .compiled_robot import CompiledRobot, compiled_robot
 from .description import RobotDescription
 
@@ -29,7 +29,7 @@ PLAN = BodyPlan(
     waist=("waist_pitch", "waist_roll"),
     bend=(0.0, 0.0, -0.3, 0.6, -0.3, 0.0),
 )
-BIPED = RobotModel()  # Table II; the model has it but for the trunk's inertia, 7.97 of its 8 kg m^2
+BIPED = REFERENCE  # Table II; the model has it but for the trunk's inertia, 7.97 of its 8 kg m^2
 
 
 def mjcf() -> str:

@@ -14,14 +14,11 @@ import numpy as np
 from ...controllers.array_table import NO_STATE, Floats2, Floats3, Ints1, Ints2, Ints3
 from ...controllers.jit import njit
 from ...controllers.model.observation import heading_frame, in_world
+from ...controllers.whole_body.swing import COMMAND_SIZE, COMMAND_X, COMMAND_Y, STAND
 from .push import BODIES, FRAMES, PENDING, TERMS, GaitEvent, Kick, Push
 from .scenario import Command, Scenario
 
 DUE = 1e-9  # a change or kick this soon after the period begins is due: times are sums of steps [s]
-
-
-STAND = 3  # column of a command after velocity and turn: 1 where the robot is to stand
-COMMAND_SIZE = 4
 
 
 def command_row(command: Command) -> tuple[float, float, float, float]:
@@ -32,7 +29,7 @@ def command_row(command: Command) -> tuple[float, float, float, float]:
 @njit(cache=True)
 def may_stay(command):  # pragma: no cover
     """Whether a standing robot may go on standing under a command (4,): to stand, or while it gets going."""
-    return command[STAND] != 0.0 or command[0] != 0.0 or command[1] != 0.0
+    return command[STAND] != 0.0 or command[COMMAND_X] != 0.0 or command[COMMAND_Y] != 0.0
 
 
 class Schedule(NamedTuple):

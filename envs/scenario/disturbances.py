@@ -502,8 +502,9 @@ class TiltingPlatform(Apparatus):
     """The floor tilts by an angle under the robot, stays so for `hold`, and tilts back.
 
     Both ways are evenly accelerated and slowed down, at most at `fastest`, about a level axis through the
-    point of the floor under the robot's CoM. All is told in the floor's axes, with the inertial forces of a
-    frame that turns (`FloorTilt`). Neither planner nor control knows of it. There is no nominal impulse.
+    point of the floor under the robot's CoM. All quantities are in the axes of the floor, with the inertial
+    forces of a frame that turns (`FloorTilt`). Neither planner nor control knows of it. There is no nominal
+    impulse.
     """
 
     json_name = "tilting platform"

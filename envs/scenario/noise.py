@@ -1,14 +1,12 @@
-"""White noise from counters, and the noise of the observed motion.
+"""White noise from counters, and the noise of the observed motion of the CoM that is made of it; compiled.
 
-White noise from counters: a number depends on (seed, index, channel) and on nothing that was drawn before.
+A number depends on (seed, index, channel) and on nothing that was drawn before. Its bits are those of
+SplitMix64's output function (Steele, Lea, Flood 2014), applied once for each of the three; normal numbers
+follow by Box and Muller (1958). So neither the order of robots, nor threads, nor what else is drawn changes
+any of them.
 
-The bits are those of SplitMix64's output function (Steele, Lea, Flood 2014), applied once for each of the
-three; normal numbers follow by Box and Muller (1958). So neither the order of robots, nor threads, nor what
-else is drawn changes any of them.
-
-Noise of the observed motion of the CoM, the same for every gait environment; compiled.
-
-In planning period p the CoM and its velocity are seen off by
+The noise of the observed motion is the same for every gait environment. In planning period p the CoM and its
+velocity are seen off by
 
     n_x = s / sqrt(2) z,    n_v = omega s / sqrt(2) z',    so that n_x + n_v / omega has the deviation s,
 

@@ -105,7 +105,7 @@ class Disturbance(JsonRecord, ABC):
 
     @property
     def forces(self) -> tuple[Push, ...]:
-        """The constant forces that it is made of."""
+        """The pushes that it is made of, each a constant force or one that follows a `Law`."""
         return ()
 
     @property
@@ -332,8 +332,8 @@ class Grip(Law):
 class FloorShift(Law):
     """No force on a body: the floor goes a way, and stays where it is then.
 
-    All is told in the axes of the floor, so that gravity is g - a(t) for every body: exact for a floor that
-    does not turn.
+    All quantities are in the axes of the floor, so that gravity is g - a(t) for every body: exact for a floor
+    that does not turn.
     """
 
     json_name, number, moves_floor, accelerates = "floor shift", MOVED, True, True
@@ -364,9 +364,10 @@ class FloorShift(Law):
 class FloorTilt(Law):
     """No force on a body by name: the floor turns by an angle phi about a level axis n, and later back.
 
-    All is told in the axes of the floor, which turn at omega = phi' n about the point of the floor that is
-    under the robot's CoM when the law begins. So gravity is R(-phi n) g, and each body of mass m, inertia I
-    and S = tr(I) / 2 - I, r from that point, with the velocity v and the angular velocity w, also feels
+    All quantities are in the axes of the floor, which turn at omega = phi' n about the point of the floor
+    that is under the robot's CoM when the law begins. So gravity is R(-phi n) g, and each body of mass m,
+    inertia I and S = tr(I) / 2 - I, r from that point, with the velocity v and the angular velocity w, also
+    feels
 
         F = -m (omega' x r + omega x (omega x r) + 2 omega x v)
         M = -(I omega' + omega x I omega + 2 (S omega) x w)
@@ -395,6 +396,10 @@ class FloorTilt(Law):
     def mirrored(self) -> FloorTilt:
         """It goes down to the other side."""
         return replace(self, direction=0.0 - self.direction)
+
+
+FLOOR_LAWS = tuple(law.number for law in LAWS.by_name.values() if law.moves_floor)
+ACCELERATING = tuple(law.number for law in LAWS.by_name.values() if law.accelerates)
 
 
 @register_disturbance

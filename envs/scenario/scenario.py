@@ -208,7 +208,7 @@ class Scenario(JsonRecord):
 
     @property
     def forces(self) -> tuple[Push, ...]:
-        """The constant forces of all disturbances, first the pushes."""
+        """The pushes of all disturbances, `pushes` first."""
         return self.pushes + tuple(push for other in self.disturbances for push in other.forces)
 
     @property

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...controllers.errors import PushRecoveryError
 from ...controllers.policies.two_stage import RandomPolicy, TwoStagePolicy
-from ...controllers.settings import ARMS
+from ...controllers.settings import VARIANTS
 from ...envs.scenario.model_errors import ModelErrors
 from ...envs.scenario.push import Push
 from ...envs.scenario.scenario import Command, CommandChange, Scenario
@@ -182,7 +182,7 @@ ERRORS = {  # those that each kind of robot knows
 
 
 def warm_up() -> Iterator[str]:
-    """Run every environment, preset form and arm for a second; yields what comes next, for a display.
+    """Run every environment, preset form and variant for a second; yields what comes next, for a display.
 
     What was compiled is kept for every process of this user until its sources change. Where all of it is
     there, this takes seconds.
@@ -197,25 +197,25 @@ def names() -> list[str]:
     return [*(name for name in env_ids() if "robot" not in gym.spec(name).kwargs), DOUBLE_SUPPORT]
 
 
-def arms(name: str) -> list[str]:
-    """Arms that plan in an environment: the paper's form of stage 2 and linear MPC know no double support."""
+def variants(name: str) -> list[str]:
+    """Those that plan in an environment; the paper's stage 2 and linear MPC know no double support."""
     without = ("two-stage-paper", "herdt") if name == DOUBLE_SUPPORT else ()
-    return [arm for arm in ARMS if arm not in without]
+    return [variant for variant in VARIANTS if variant not in without]
 
 
 def _run(name: str) -> None:
     env = make_env(name)
     try:
         if acts_on_residual(env) or acts_on_joints(env):
-            # random actions may be residuals and targets as well; no arm gives those
+            # random actions may be residuals and targets as well; no variant gives those
             policy = make_policy("random", env) if acts_on_joints(env) else RandomPolicy()
             rollout(env, policy, WALK, "random")
             rollout_all(env, policy, [WALK] * TOGETHER, "random", TOGETHER)
             return
         errors = next(value for kind, value in ERRORS.items() if kind in name)
-        for arm in arms(name):
-            policy = make_policy(arm, env)
-            rollout(env, policy, WALK, arm)
-            rollout_all(env, policy, [WALK, replace(WALK, errors=errors)], arm, TOGETHER)
+        for variant in variants(name):
+            policy = make_policy(variant, env)
+            rollout(env, policy, WALK, variant)
+            rollout_all(env, policy, [WALK, replace(WALK, errors=errors)], variant, TOGETHER)
     finally:
         env.close()

@@ -12,7 +12,7 @@ from tyro.conf import Positional, arg
 
 from ...controllers.errors import InvalidValueError, shown
 from ..output.tables import named_apart, stem_or_hash
-from ..rollout import TABLE_ARMS
+from ..rollout import TABLE_VARIANTS
 from . import options
 from .options import Count, CountOrNone, EnvOptions, Flag, Policies, Real, RunningOptions, SuiteName, within
 
@@ -87,7 +87,7 @@ class SuiteOptions(options.EnvOptions, options.ErrorOptions, options.RunningOpti
 class Evaluate(SuiteOptions):
     """Score policies on a suite."""
 
-    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = TABLE_ARMS
+    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = TABLE_VARIANTS
     """Policies to score: names (see list), policy files, or MODULE:ATTRIBUTE. By default the
     planner and its variants are scored; baselines and learned policies have to be named."""
     profile: Annotated[tuple[str, ...], arg(metavar="NAME", help=PROFILES_TEXT)] = ("exact",)
@@ -244,7 +244,7 @@ class CeilingCommand(EnvOptions, options.RobotOptions, RunningOptions):
     suite: SuiteName = "hard"
     sample: CountOrNone = field(default=None, metadata=within(1))
     """Number of pushes, evenly spread over the suite (by default all of them)."""
-    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = TABLE_ARMS
+    policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = TABLE_VARIANTS
     """Policies whose lost pushes are searched: names (see list), policy files, or MODULE:ATTRIBUTE."""
     planner: Annotated[str, arg(metavar="NAME")] = "two-stage"
     """The planner whose actions are corrected."""

@@ -241,9 +241,9 @@ class PolicyCommand(JsonOption):
              "yes" if c.passed else "no")
             for name, c in found.controls.items()
         ]  # fmt: skip
-        columns = ("control", "told [m/s, m/s, rad/s]", "fell at [s]", "did", "moved [m]", "passed")
+        columns = ("control", "command [m/s, m/s, rad/s]", "fell at [s]", "measured", "moved [m]", "passed")
         repair = found.repair
-        why = "it stands and walks as told" if found.passed else "no single change helps"
+        why = "it stands and walks as commanded" if found.passed else "no single change helps"
         if repair is not None:
             why = f"{repair.field}, {repair.what}, and it passes every control"
         content = {"robot": robot, "verdict": found.verdict, "passed": found.passed,

@@ -236,5 +236,5 @@ class Tune(EnvOptions, options.ErrorOptions, options.RunningOptions):
                 {name: partial(show, policy=name) for name in each},
                 lambda: bars.append(stack.enter_context(progress_bars(list(each), self.trials, work))),
             )  # fmt: skip
-        lines = [f"preset of all of these arms: {found.path}"]
+        lines = [f"preset with all of these variants: {found.path}"]
         self.show(variants.summary(found), variants.result_tables(found), lines)

@@ -104,7 +104,7 @@ def _clock_time(seconds: float) -> str:
 # physics take as much more as there are more of them, and robots that fall early less.
 COST = {"Pendulum": 0.0015, "Biped": 0.015}
 SENSING = 1.5  # times as much with sensors of its own
-OTHERS = 0.03  # of robots that are not of this package
+OTHERS = 0.03  # of every other robot
 BEGINNING = 8.0  # until several processes have loaded the kernels [s]
 EVENT = 2.0  # when the moment of the gait comes that a push waits for [s]
 UNITS = (("seconds", 1.0), ("minutes", 60.0), ("hours", 3600.0))

@@ -108,7 +108,7 @@ def ending_words(info: Mapping[str, Any], start: float) -> str:
         return f"fell after {info['time'] - start:.1f} s ({reason_words(info['failure_reason'])})"
     settled = info.get("recovered_at")
     if settled is None:
-        return f"still up after {info['time'] - start:.1f} s, but does not walk as told"
+        return f"still up after {info['time'] - start:.1f} s, but does not walk as commanded"
     return f"recovered after {max(settled - start, 0.0):.1f} s"
 
 

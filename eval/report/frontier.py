@@ -67,11 +67,11 @@ def frontier_table(
     falls_by = ["falls by"] if len(names) == 1 else [f"{name} falls by" for name in names]
     columns = "psi [deg]", "own F* [N]", "paper's F* [N]", "own F*_stand [N]"
     return Table(
-        f"{frontier.settings.env_id}: {search.told} [N]",
+        f"{frontier.settings.env_id}: {search.meaning} [N]",
         (*columns, *names, *in_place, *(falls_by if falls else ())),
         lines,
-        f"{search.brackets} F*_stand is what a robot at rest on both feet can at most be pushed with so that "
-        "it need not step."
+        f"{search.bracket_note} F*_stand is what a robot at rest on both feet can at most be pushed with so "
+        "that it need not step."
         + (" Without a step: in brackets the share of it." if stands else "")
         + (
             " Falls by: the limit that the first failure met first, then the three that it met for the "
@@ -195,7 +195,7 @@ def save_pictures(frontier: Frontier) -> list[Path]:
     if settings.search.control and not settings.command.stand:
         moment = "any phase of a left stance"
     axes.set_title(
-        f"{settings.env_id}: {settings.search.told} [N]\n"
+        f"{settings.env_id}: {settings.search.meaning} [N]\n"
         f"{settings.body}, {settings.duration:g} s, {moment}; forward is up"
     )
     axes.set_ylim(0.0, furthest_of(frontier, curves))
@@ -329,5 +329,5 @@ def _figure(
         axes.set_rlabel_position(22.5)
         axes.grid(color="#cccccc", linewidth=0.5)
         figure.legend(loc="outside lower center", frameon=False, fontsize=8.0)
-        words = f"{label}: {search.told} [N], by direction, and F*"
+        words = f"{label}: {search.meaning} [N], by direction, and F*"
         return page.to_svg(figure, words)

@@ -191,7 +191,7 @@ SHOWN = (
     ("fig4_histories.png", "Lateral DCM, CoM, feet, trunk angle and torque over time (Fig. 4)"),
     ("fig5_cartoon.png", "The motion from behind at some instants (Fig. 5)"),
     ("fig5_motion.gif", "The same as a film at half speed"),
-    ("fig7_limits.png", "Largest push by direction, every arm and the closed-form limits (Fig. 7)"),
+    ("fig7_limits.png", "Largest push by direction, every variant and the closed-form limits (Fig. 7)"),
     ("fig7_variants.png", "What belongs to `two-stage` taken away"),
     ("fig7_jump.png", "Largest velocity jump by direction"),
 )
@@ -257,7 +257,7 @@ def page(content: dict[str, Any], tables: Tables) -> str:
         for name in pushed
         if name.startswith("two-stage")
     ]  # fmt: skip
-    columns = ("arm", "push, mean", "worst", "velocity jump, mean", "worst")
+    columns = ("variant", "push, mean", "worst", "velocity jump, mean", "worst")
     parts += [*text["scenario-2"], GAP, markdown_table(columns, rows)]
     parts += ["## Ablations\n", *text["ablations"], "## Limits\n", *text["limits"]]
     return "\n".join(parts)

@@ -185,7 +185,7 @@ def tables_1(content: Row) -> list[Table]:
         (f"limit: {name}", "", f"{value:.1f}") for name, value in content["scenario_1_limits_N"].items()
     ]
     title = "Scenario 1: 0.5 m/s, pushed to the right for 0.1 s at 2.6 s"
-    found = [Table(title, ("arm", "recovers from 315 N", "largest force [N]"), cells)]
+    found = [Table(title, ("variant", "recovers from 315 N", "largest force [N]"), cells)]
     columns = ("open parameter", "value", "recovers from 315 N", "largest force [N]", "point foot [N]",
                "F* of this robot [N]")  # fmt: skip
     for policy, interval in content["scenario_1_interval"].items():
@@ -202,7 +202,7 @@ def tables_1(content: Row) -> list[Table]:
         for policy, groups in content["scenario_1_together"].items()
         for cost, group in groups.items()
     ]
-    columns = ("arm", "jerk cost", "combinations", "survive 315 N", "recover")
+    columns = ("variant", "jerk cost", "combinations", "survive 315 N", "recover")
     found.append(Table("Foot, l_p, control period and sampling time varied together", columns, cells))
     leans = ("peak_lean_within_1_s", "peak_lean", "final_lean")
     cells = [
@@ -304,7 +304,8 @@ def tables_2(content: Row) -> list[Table]:
             for entries in zip(*section.values(), strict=True)
         ]  # fmt: skip
         found.append(Table(f"Scenario 2: largest {what} [{text}] in place", columns, cells))
-        columns = ("arm", "share of F*, mean", "worst", "at psi [deg]", "least ratio to stage-1", "inward")
+        columns = ("variant", "share of F*, mean", "worst", "at psi [deg]", "least ratio to stage-1",
+                   "inward")  # fmt: skip
         cells = [
             (label, f"{o['fraction_mean']:.3f}", f"{o['fraction_worst']:.3f}", f"{o['worst_psi_deg']:g}",
              f"{o['ratio_to_stage_1_min']:.2f}", f"{o['ratio_to_stage_1_min_inward']:.2f}")

@@ -2,11 +2,11 @@
 
 import os
 
-from ...controllers.settings import ARMS, ON_REQUEST
+from ...controllers.settings import ON_REQUEST, VARIANTS
 
 NAMESPACE = "PushRecovery/"
 DEFAULT_ENV = "PushRecovery/Biped-v0"
-TABLE_ARMS = tuple(name for name in ARMS if name not in ON_REQUEST)
+TABLE_VARIANTS = tuple(name for name in VARIANTS if name not in ON_REQUEST)
 SUITE_NAMES = (  # of `score.suites.SUITES`
     "quick", "standard", "hard", "varied", "hardware", "standing", "disturbances", "terrain", "terrain-blind",
     "quick-sealed", "varied-sealed", "hardware-sealed", "hard-sealed", "standing-sealed",

@@ -15,7 +15,7 @@ import gymnasium as gym
 from ...controllers.errors import InvalidValueError, PushRecoveryError, UnknownNameError
 from ...controllers.model.robot import SAME, Similarity
 from ...controllers.policies.learned import read_policy
-from ...controllers.settings import ARMS, is_preset_file, load_preset
+from ...controllers.settings import VARIANTS, is_preset_file, load_preset
 from ...envs.joint.full_body import driven, joint_names
 from ...envs.robots.compiled_robot import compiled_robot, robot_digest
 from ...envs.robots.description import robot_description
@@ -118,7 +118,7 @@ def make_env(env_id: str, **kwargs: Any) -> gym.Env:
 def has_own_robot(env: Any, policy: Any) -> bool:
     """Whether the preset of a biped has a robot for this policy alone, which the environment is not yet."""
     biped = env.unwrapped
-    if not (isinstance(policy, str) and policy in ARMS and getattr(biped, "arm", policy) != policy):
+    if not (isinstance(policy, str) and policy in VARIANTS and getattr(biped, "variant", policy) != policy):
         return False
     return load_preset(biped.preset).has_own_robot(policy)
 
@@ -199,7 +199,7 @@ def own_env(env: Any, env_id: str, policy: Any, **kwargs: Any) -> gym.Env | None
     if (contract := contract_name(policy)) is not None:
         return contender_env(env, env_id, contract, **kwargs)
     if has_own_robot(env, policy):
-        return make_env(env_id, arm=policy, **kwargs)
+        return make_env(env_id, variant=policy, **kwargs)
     form = own_form(policy, env_id)
     return None if form is None else make_env(form, **kwargs)
 

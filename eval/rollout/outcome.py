@@ -248,7 +248,7 @@ class Score:
         return wilson_interval(self.recovered, self.episodes)
 
     def to_dict(self) -> dict[str, Any]:
-        """The contract's object of one policy."""
+        """JSON object of one policy."""
         return {
             "recovered": self.recovered,
             "survived": self.survived,

@@ -17,7 +17,7 @@ from ...controllers.errors import InvalidValueError, PushRecoveryError, is_finit
 from ...controllers.files import read_file
 from ...controllers.policies.interface import Policy
 from ...controllers.policies.learned import policy_paths
-from ...controllers.settings import ARMS, read_preset
+from ...controllers.settings import VARIANTS, read_preset
 from ...envs.scenario.scenario import Scenario
 from .. import sampling_mpc
 from ..output import progress, rows
@@ -144,7 +144,7 @@ def search_words(policy: str, trials: Mapping[str, Any]) -> str:
             if is_finite_number(actions):
                 words = f"{actions / 1e6:.1f} M actions" if actions else "imitation"
                 return f"{words}, {met}" if actions and (met := met_words(note)) else words
-        elif origin in ARMS and isinstance(count := trials.get(origin), int):
+        elif origin in VARIANTS and isinstance(count := trials.get(origin), int):
             return f"{count} trials"
     return "-"
 

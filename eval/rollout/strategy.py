@@ -41,8 +41,8 @@ from ...controllers.model.standing import (
     standing_margin_kernel,
     write_hull,
 )
+from ...controllers.whole_body.swing import STAND
 from ...envs.episode.episodes import GaitEpisodes
-from ...envs.scenario.arrays import STAND
 
 STRATEGIES = "ankle", "hip", "step"
 

@@ -44,7 +44,7 @@ class Evaluation:
             yield scenario, rows
 
     def to_dict(self) -> dict[str, Any]:
-        """The contract's object."""
+        """JSON object of all policies."""
         return {
             "suite": self.suite.summary(),
             "env": self.env_id,
@@ -154,7 +154,7 @@ class Comparison:
         return self.evaluation.directory
 
     def to_dict(self) -> dict[str, Any]:
-        """The contract's object; rate_difference = rate of a - rate of b."""
+        """JSON object; rate_difference = rate of a - rate of b."""
         counts = self.counts
         return {
             "a": self.a,

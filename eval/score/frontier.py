@@ -131,13 +131,13 @@ def scan(runner: Runner, job: ScanJob) -> Row:
 
 
 class Search(Protocol):
-    """How the largest push in a direction is found, and what is told of it."""
+    """How the largest push in a direction is found, and how it is reported."""
 
     fields: ClassVar[tuple[str, ...]]  # of a row that a report is made of
     headline: ClassVar[str]  # key of the force of an entry that counts
     share: ClassVar[str]  # key of its share of F* of the own box
-    told: ClassVar[str]  # what that force is
-    brackets: ClassVar[str]  # what stands in brackets behind it
+    meaning: ClassVar[str]  # what that force is
+    bracket_note: ClassVar[str]  # what stands in brackets behind it
     control: ClassVar[bool]  # whether replicas are run unpushed, too
 
     @property
@@ -150,7 +150,7 @@ class Search(Protocol):
         ...
 
     def entry(self, row: Mapping[str, Any], control: Mapping[str, Any] | None) -> Row:
-        """Forces of a row for the contract's object, given the row of the unpushed."""
+        """Forces of a row for the JSON object of a policy, given the row of the unpushed."""
         ...
 
     def cell(self, entry: Mapping[str, Any]) -> str:
@@ -175,8 +175,8 @@ class Nominal:
     fields: ClassVar[tuple[str, ...]] = ("survived_N", "largest_survived_N", "failed_N", "falls")
     headline: ClassVar[str] = "survived_N"
     share: ClassVar[str] = "own_fraction"
-    told: ClassVar[str] = "largest force before the first failure"
-    brackets: ClassVar[str] = (
+    meaning: ClassVar[str] = "largest force before the first failure"
+    bracket_note: ClassVar[str] = (
         "In brackets the share of F* of the robot's own box, that of the paper's (its Tables I and II), and "
         "the largest force survived at all where that is more."
     )
@@ -242,8 +242,8 @@ class Replicated:
     fields: ClassVar[tuple[str, ...]] = ("forces_N", "recovered", "falls")
     headline: ClassVar[str] = "threshold_N"
     share: ClassVar[str] = "threshold_fraction"
-    told: ClassVar[str] = f"force up to which {RECOVERED_SHARE:g} of the replicas recover"
-    brackets: ClassVar[str] = (
+    meaning: ClassVar[str] = f"force up to which {RECOVERED_SHARE:g} of the replicas recover"
+    bracket_note: ClassVar[str] = (
         "In brackets the 95 % interval, and the share of F* of the robot's own box: of the force that is "
         f"within it at {RECOVERED_SHARE:g} of the phases of the push. Unpushed: how many replicas recover."
     )
@@ -350,7 +350,7 @@ class Frontier:
     controls: Mapping[str, Row] = field(default_factory=dict)  # policy -> row of its replicas unpushed
 
     def to_dict(self, policy: str) -> Row:
-        """The contract's object of one policy."""
+        """JSON object of one policy."""
         return self._objects[policy]
 
     @cached_property

@@ -6,7 +6,7 @@ from itertools import combinations
 from pathlib import Path
 
 from ...controllers.files import write_text
-from ...controllers.settings import ARMS
+from ...controllers.settings import VARIANTS
 from ...controllers.whole_body.limits import LIMIT_NAMES
 from ...envs.scenario.push import Disturbance
 from ...envs.scenario.scenario import Scenario
@@ -255,7 +255,7 @@ def origin_columns(evaluation: Evaluation) -> tuple[dict[str, dict[str, str]], s
     """
     of_rows = {name: {str(row.get("policy", name)) for row in rows} for name, rows in evaluation.rows.items()}
     sources = {name: next(iter(found)) if len(found) == 1 else name for name, found in of_rows.items()}
-    trials = stated_trials(evaluation.env_id) if set(sources.values()) & set(ARMS) else {}
+    trials = stated_trials(evaluation.env_id) if set(sources.values()) & set(VARIANTS) else {}
     search = {name: search_words(source, trials) for name, source in sources.items()}
     driven = {name: driven_joints(rows) for name, rows in evaluation.rows.items()}
     columns = {"found by": (search, SEARCH_NOTE), "targets of": (driven, DRIVEN_NOTE)}

@@ -36,7 +36,7 @@ NUMERICS = (  # of which no result should hang
     ("contacts-20ms", PhysicsOptions(contact_time=0.02)),
     ("fine", PhysicsOptions(time_step=0.0005, cone="elliptic", impratio=10.0, contact_time=0.004)),
 )
-BODIES = (  # of which a robot has some
+MODEL_ERRORS = (  # one at a time
     ("floor-0.6", ModelErrors(friction=0.6)),
     ("floor-0.7", ModelErrors(friction=0.7)),
     ("floor-1.2", ModelErrors(friction=1.2)),
@@ -57,7 +57,7 @@ SENSES = Profile("onboard", sensing=ONBOARD)  # the exact robot on its own senso
 VARIATIONS: Mapping[str, Profile] = {
     EXACT.name: EXACT,
     **{name: Profile(name, EXACT_MODEL, physics) for name, physics in NUMERICS},
-    **{name: Profile(name, errors) for name, errors in BODIES},
+    **{name: Profile(name, errors) for name, errors in MODEL_ERRORS},
     **{profile.name: profile for profile in (SENSES, HARDWARE)},
 }
 
@@ -131,7 +131,8 @@ def sample_of(suite: Suite, count: int) -> Suite:
 def varied_by(suite: Suite, variations: Sequence[str], env_id: str = DEFAULT_ENV) -> Suite:
     """The scenarios of a suite under each variation, EXACT first, with ids of their own.
 
-    Profiles are of the size of the environment's robot.
+    Named profiles (exact, collisions, hardware) are scaled to the environment's robot; the other variations
+    are not.
     """
     for name in variations:
         require_choice("variation", name, list(VARIATIONS))

@@ -191,7 +191,7 @@ def preset_episodes(env_id: str, n: int, preset: str, policy: str) -> GaitEpisod
     """Episodes of n robots of an environment with a preset, by name or file, that a policy walks."""
     own = own_episodes(env_id)
     if isinstance(own, BipedEpisodes):
-        return BipedEpisodes(n, preset=preset, robot=own.description, arm=policy)
+        return BipedEpisodes(n, preset=preset, robot=own.description, variant=policy)
     return PendulumEpisodes(n, preset=preset)
 
 

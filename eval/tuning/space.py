@@ -115,7 +115,7 @@ def select(dimensions: Sequence[Dimension], only: Sequence[str]) -> tuple[Dimens
 
 
 UNTUNED = ("passive", "stage-1-paper", "two-stage-paper", "random")  # nothing of theirs is free
-VARIANTS = tuple(name for name in POLICY_NAMES if name not in UNTUNED)
+TUNED = tuple(name for name in POLICY_NAMES if name not in UNTUNED)
 
 
 _planner, _limit, _gait = (partial(Dimension, group) for group in ("planner", "limits", "gait"))
@@ -203,7 +203,7 @@ def robot_dimensions(policy: str) -> tuple[Dimension, ...]:
 
 
 def _planner_config(policy: str) -> PlannerConfig:
-    require_choice("policy to tune", policy, VARIANTS)
+    require_choice("policy to tune", policy, TUNED)
     planner = make_policy(policy)
     assert isinstance(planner, TwoStagePolicy)  # noqa: S101
     return planner.config

@@ -156,13 +156,14 @@ def preset_of(
     The planner holds its plan when the gait machine commits the swing foot.
     """
     start = load_preset(settings.preset)
-    own = {**start.arms.get(settings.policy, {}), **values.get("planner", {})}
+    own = {**start.variants.get(settings.policy, {}), **values.get("planner", {})}
     if "commit" in values.get("gait", {}):
         own["freeze"] = values["gait"]["commit"]
     if sections := {name: values[name] for name in SECTIONS if name in values}:
         robot = own.get("biped", {})
         own["biped"] = {**robot, **{name: {**robot.get(name, {}), **part} for name, part in sections.items()}}
-    return replace(start, arms={**start.arms, settings.policy: own}, found={**whose(start), **(found or {})})
+    variants = {**start.variants, settings.policy: own}
+    return replace(start, variants=variants, found={**whose(start), **(found or {})})
 
 
 def whose(preset: PresetFile) -> dict[str, Any]:

@@ -70,9 +70,10 @@ def tune_variants(
             for name, own in each.items()
         }
         start = load_preset(settings.preset)
-        arms = {**start.arms, **{name: study.preset.arms[name] for name, study in studies.items()}}
+        tuned = {name: study.preset.variants[name] for name, study in studies.items()}
         own = {name: study.preset.found for name, study in studies.items()}
-        merged = replace(start, arms=arms, found={**whose(start), "trials": all_trials(start, own), **own})
+        about = {**whose(start), "trials": all_trials(start, own), **own}
+        merged = replace(start, variants={**start.variants, **tuned}, found=about)
         found = VariantStudies(studies, merged, directory)
         found.preset.save(found.path)
     return found
@@ -88,7 +89,7 @@ def all_trials(start: PresetFile, own: Mapping[str, Mapping[str, Any]]) -> dict[
 def check_variants(settings: TuningSettings, policies: Sequence[str]) -> dict[str, TuningSettings]:
     """Settings of each variant's study; a name or a field that cannot be tuned is refused."""
     if twice := [name for name in policies if policies.count(name) > 1]:
-        raise InvalidValueError(f"arm {twice[0]!r} is given more than once")
+        raise InvalidValueError(f"variant {twice[0]!r} is given more than once")
     each = {name: replace(settings, policy=name) for name in policies}
     for own in each.values():
         space_of(own)
@@ -114,12 +115,12 @@ def result_tables(found: VariantStudies) -> list[Table]:
 def summary(found: VariantStudies) -> dict[str, Any]:
     """The object of `--json`: how each variant's preset was found, and where they lie."""
     keys = ("by", "trials", "stopped_early", "episodes", "trial", "suites", "code", "tuning", "held_out")
-    arms = {}
+    variants = {}
     for name, study in found.studies.items():
         about = {"env": study.settings.env_id, "policy": study.settings.policy}
         about |= {key: study.preset.found[key] for key in keys} | {"settings": study.best["settings"]}
-        arms[name] = {**about, "preset": str(study.path), "out": str(study.directory)}
-    return {"arms": arms, "preset": str(found.path), "out": str(found.directory)}
+        variants[name] = {**about, "preset": str(study.path), "out": str(study.directory)}
+    return {"variants": variants, "preset": str(found.path), "out": str(found.directory)}
 
 
 def score_cells(name: str, entry: dict[str, Any]) -> tuple[str, ...]:

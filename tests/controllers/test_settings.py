@@ -29,10 +29,10 @@ def test_a_file_is_read_as_it_was_written(tmp_path):
     assert settings.load_preset(str(tmp_path / "tuned.json")) == PRESET
 
 
-def test_an_arm_takes_its_own_values_then_the_common_ones_then_the_base(tmp_path):
+def test_a_variant_takes_its_own_values_then_the_common_ones_then_the_base(tmp_path):
     base = settings.preset_config("biped")
     assert PRESET.config() == replace(base, touchdown_delay=0.006)
-    own = settings.named_preset("biped").arms["stage-1"]
+    own = settings.named_preset("biped").variants["stage-1"]
     assert PRESET.config("stage-1") == replace(base, **{**own, "touchdown_delay": 0.006})
     assert PRESET.config("passive") == PRESET.config()
     assert PRESET.config("two-stage") == replace(base, touchdown_delay=0.007, beta_dcm=900.0)
@@ -41,8 +41,8 @@ def test_an_arm_takes_its_own_values_then_the_common_ones_then_the_base(tmp_path
 
 def test_a_name_is_a_file_that_changes_nothing():
     for name in settings.preset_names():
-        for arm in ("", "two-stage", "stage-1+cop"):
-            assert settings.load_preset(name).config(arm) == settings.named_preset(name).config(arm)
+        for variant in ("", "two-stage", "stage-1+cop"):
+            assert settings.load_preset(name).config(variant) == settings.named_preset(name).config(variant)
 
 
 def test_policies_take_a_file_for_a_preset(tmp_path):
@@ -60,7 +60,10 @@ def test_policies_take_a_file_for_a_preset(tmp_path):
         ({"planner": {"beta": 1.0}}, r"^unknown planner field of a preset file 'beta'.*\(valid: alpha_s"),
         ({"arms": {"two-stage": {"beta": 1.0}}}, r"^unknown planner field of a preset file 'beta'"),
         ({"base": ["biped"]}, r"^unknown base of a preset file \['biped'\]"),
-        ({"arms": {"two-stag": {}}}, r"^unknown arm of a preset file 'two-stag'; did you mean 'two-stage'\?"),
+        (
+            {"arms": {"two-stag": {}}},
+            r"^unknown variant of a preset file 'two-stag'; did you mean 'two-stage'\?",
+        ),
         ({"planner": {"sampling_time": 1e-12}}, r"^PlannerConfig.sampling_time must be at least 0.001 s"),
         ({"planner": {"tail_intervals": 10**9}}, r"^PlannerConfig.tail_intervals must be an integer from"),
         ({"planner": {"beta_dcm": -1.0}}, r"^PlannerConfig.beta_dcm must be finite and >= 0, got -1.0$"),
@@ -110,7 +113,7 @@ def test_a_file_changes_single_values_of_the_robot_of_its_base():
 
 OWN = settings.PresetFile(
     "biped",
-    arms={
+    variants={
         "stage-1": {"biped": {"gains": {"swing_kp": 360.0}, "gait": {"apex": 0.05}}},
         "two-stage": {"touchdown_delay": 0.007},
         "raibert": {"push_carry": 0.01},
@@ -119,7 +122,7 @@ OWN = settings.PresetFile(
 )
 
 
-def test_an_arm_walks_its_own_robot_then_the_common_one_then_the_bases():
+def test_a_variant_walks_its_own_robot_then_the_common_one_then_the_bases():
     robot, base = OWN.robot("stage-1"), settings.named_preset("biped").robot()
     assert robot["gains"] == {**base["gains"], "swing_kp": 360.0, "swing_kd": 100.0}
     assert robot["gait"] == {**base["gait"], "apex": 0.05}
@@ -129,11 +132,10 @@ def test_an_arm_walks_its_own_robot_then_the_common_one_then_the_bases():
 
 
 def test_an_own_robot_is_one_that_differs_or_touches_down_at_another_time():
-    assert [OWN.has_own_robot(arm) for arm in ("stage-1", "two-stage", "stage-1+cop", "passive", "")] == [
-        True, True, False, False, False,
-    ]  # fmt: skip
+    names = "stage-1", "two-stage", "stage-1+cop", "passive", ""
+    assert [OWN.has_own_robot(name) for name in names] == [True, True, False, False, False]
     base = settings.named_preset("biped")
-    own = [arm for arm in ("raibert", "stage-1", "two-stage") if base.has_own_robot(arm)]
+    own = [variant for variant in ("raibert", "stage-1", "two-stage") if base.has_own_robot(variant)]
     assert own == ["raibert"]  # whose steps are shorter
 
 
@@ -172,9 +174,9 @@ def test_every_number_has_a_unit_or_none():
 
 def test_a_robot_as_large_as_the_biped_has_its_preset():
     same = settings.scaled_preset(BIPED, SAME, {})
-    for arm in ("", *BIPED.arms):
-        assert same.config(arm) == BIPED.config(arm)
-        assert same.robot(arm) == BIPED.robot(arm)
+    for variant in ("", *BIPED.variants):
+        assert same.config(variant) == BIPED.config(variant)
+        assert same.robot(variant) == BIPED.robot(variant)
 
 
 def test_a_smaller_robot_walks_alike():
@@ -212,7 +214,7 @@ def test_slower_legs_step_later_and_swing_less():
     assert slow.config().freeze == config.freeze
 
 
-def test_arms_keep_what_is_theirs_and_changes_come_last():
+def test_variants_keep_what_is_theirs_and_changes_come_last():
     small = settings.scaled_preset(
         BIPED, SMALL, {"planner": {"alpha_step": 3.0}, "limits": {"width_max": 0.4}}
     )
@@ -245,10 +247,10 @@ def test_numbers_of_a_robot_four_times_as_high_have_the_factors_of_their_units()
         assert found == pytest.approx(expected)
 
 
-def test_what_an_arm_changes_is_scaled_as_what_is_common():
+def test_what_a_variant_changes_is_scaled_as_what_is_common():
     small, time = settings.scaled_preset(BIPED, SMALL, {}), 0.5**0.5
-    for arm in ("raibert", "herdt", "stage-1+momentum"):
-        one, other = small.config(arm), BIPED.config(arm)
+    for variant in ("raibert", "herdt", "stage-1+momentum"):
+        one, other = small.config(variant), BIPED.config(variant)
         assert one.push_carry == pytest.approx(time * other.push_carry, rel=1e-5)
         assert one.push_threshold == pytest.approx(0.5 * other.push_threshold, rel=1e-5)
         assert one.trunk_gravity == pytest.approx(0.1 * 0.5 * other.trunk_gravity, rel=1e-5)

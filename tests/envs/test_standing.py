@@ -83,7 +83,7 @@ def test_the_box_of_steps_is_within_the_reach_of_both_legs(stage):
     """Hips as low as the CoM may sink, each leg as far ahead, behind or aside as it is long."""
     env, _ = stage("PushRecovery/G1-v0")
     env.reset(options={"scenario": Scenario("stand", (), STAND)})
-    s, state, limits = env.core.settings, env.core.true_state(0), env.limits
+    s, state, limits = env.core.gait_settings, env.core.true_state(0), env.limits
     above_com = state.xanchor[0, LEG_JOINT[0], 2] - state.com[0, 0, 2]
     hip = s.com_height - s.height_drop + above_com - state.ankle_height[0]
     reach = 2.0 * math.sqrt(s.reach**2 - hip**2)

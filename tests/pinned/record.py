@@ -20,11 +20,11 @@ from test_outcomes import SLOTS, close
 
 FOLDER = Path(__file__).parent
 MASS, STEADY = 1e-12, 1e-6
-ARMS = ("stage-1", "stage-1+cop", "stage-1+momentum", "two-stage-paper", "stage-1-paper", "raibert")
+VARIANTS = ("stage-1", "stage-1+cop", "stage-1+momentum", "two-stage-paper", "stage-1-paper", "raibert")
 COUNTS = {
-    "quick": {"two-stage": 14, **dict.fromkeys(ARMS, 6)},
+    "quick": {"two-stage": 14, **dict.fromkeys(VARIANTS, 6)},
     "standard": {"two-stage": 50},
-    "hard": {"two-stage": 14, **dict.fromkeys(ARMS, 6)},
+    "hard": {"two-stage": 14, **dict.fromkeys(VARIANTS, 6)},
 }
 FIELDS = (
     "scenario_id", "policy", "survived", "recovered", "recovered_at", "failure_reason", "end_time",

@@ -295,7 +295,7 @@ def test_text_that_is_no_json_and_json_that_is_no_object(tmp_path):
             NetworkPolicy.load(path)
 
 
-def test_a_base_policy_is_an_arm_by_name_and_never_a_module(tmp_path, monkeypatch):
+def test_a_base_policy_is_a_variant_by_name_and_never_a_module(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "foreign_code.py").write_text("raise SystemExit('imported')\n")

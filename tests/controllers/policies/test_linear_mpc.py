@@ -269,18 +269,18 @@ def test_a_held_step_stays_and_the_cop_does_not():
     assert row[TARGET] == pytest.approx(row[STEP] + gait.offset_x, abs=1e-12)
 
 
-def test_the_arm_has_a_fixed_time_and_an_upright_trunk():
-    arm = make_policy("herdt", preset="biped")
-    assert isinstance(arm, TwoStagePolicy)
+def test_the_variant_has_a_fixed_time_and_an_upright_trunk():
+    variant = make_policy("herdt", preset="biped")
+    assert isinstance(variant, TwoStagePolicy)
     observation = observe(0.1, dcm=(0.1, 0.05))
-    nominal = nominal_gait(arm.robot, arm.limits, touchdown_delay=arm.config.touchdown_delay)
+    nominal = nominal_gait(variant.robot, variant.limits, touchdown_delay=variant.config.touchdown_delay)
     batch = np.stack([observation, observe(0.2), observation])
-    plan, actions = arm.plan(observation), arm.predict(batch)[0]
+    plan, actions = variant.plan(observation), variant.predict(batch)[0]
     assert plan.duration == nominal.duration
     assert plan.status == "solved"
     assert (plan.trunk_acceleration == 0.0).all()
     np.testing.assert_array_equal(actions[0], actions[2])
-    np.testing.assert_array_equal(actions[0], arm.predict(observation)[0])
+    np.testing.assert_array_equal(actions[0], variant.predict(observation)[0])
 
 
 def test_double_support_is_refused():

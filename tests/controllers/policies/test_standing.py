@@ -29,13 +29,13 @@ from push_recovery.controllers.stage_1 import OFFSET, ROW_SIZE
 
 
 @pytest.mark.parametrize(
-    ("arm", "soles", "flywheel"),
+    ("variant", "soles", "flywheel"),
     [("two-stage", True, True), ("stage-1+cop", True, False), ("stage-1+momentum", False, True)],
 )
-def test_the_margin_is_that_of_what_the_variant_may_use(arm, soles, flywheel):
+def test_the_margin_is_that_of_what_the_variant_may_use(variant, soles, flywheel):
     """Without a CoP that it may move, it has the middle between the feet and not the line between them."""
     robot, rng = RobotModel(), np.random.default_rng(3)
-    limits, policy = GaitLimits.of(robot), make_policy(arm, robot)
+    limits, policy = GaitLimits.of(robot), make_policy(variant, robot)
     seen, hull = np.zeros(36), np.empty((HULL_ROWS, HULL_COLUMNS))
     seen[0] = -1.0
     seen[SWING_POSITION][:2] = 0.05, robot.pelvis_width

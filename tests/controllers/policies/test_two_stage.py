@@ -15,7 +15,13 @@ from push_recovery.controllers.model.nominal_gait import nominal_gait, nominal_s
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies import two_stage
 from push_recovery.controllers.policies.two_stage import POLICY_NAMES, TwoStagePolicy, make_policy
-from push_recovery.controllers.settings import ARMS, PlannerConfig, PresetFile, named_preset, preset_config
+from push_recovery.controllers.settings import (
+    VARIANTS,
+    PlannerConfig,
+    PresetFile,
+    named_preset,
+    preset_config,
+)
 from push_recovery.controllers.stage_1 import LATEST, StepProblem, solve_step, swing_time
 
 ROBOT = RobotModel()
@@ -111,7 +117,7 @@ def test_stage_1_solves_equation_3():
     assert thresholds == {0.0, 0.1}
 
 
-def test_arms_use_only_what_they_may():
+def test_variants_use_only_what_they_may():
     obs = random_observations(1, 3)[0]
     obs[columns.DCM] = 0.15, 0.2
     obs[columns.ELAPSED] = 0.1
@@ -290,7 +296,7 @@ def test_a_push_reopens_a_step_that_is_about_to_land():
 
 @pytest.mark.parametrize("name", ["stage-1+cop", "stage-1+momentum", "two-stage"])
 def test_the_whole_plan_is_held_shortly_before_landing(name):
-    """From T - freeze on an arm repeats its action, except where only the upright law moves the trunk."""
+    """From T - freeze on a variant repeats its action, except where only the upright law moves the trunk."""
     policy = make_policy(name, ROBOT, LIMITS, "biped")
     rng = np.random.default_rng(4)
     observations = rng.normal(0.0, 0.1, (50, 36))
@@ -367,7 +373,7 @@ PUSHED = np.zeros(36)
 PUSHED[columns.ELAPSED], PUSHED[columns.DCM], PUSHED[columns.COMMAND] = 0.1, (0.15, 0.2), (0.2, 0.0)
 
 
-def arm(name: str, preset: str = "default") -> TwoStagePolicy:
+def variant(name: str, preset: str = "default") -> TwoStagePolicy:
     policy = make_policy(name, preset=preset)
     assert isinstance(policy, TwoStagePolicy)
     return policy
@@ -375,17 +381,17 @@ def arm(name: str, preset: str = "default") -> TwoStagePolicy:
 
 @pytest.mark.parametrize("name", ["raibert", "herdt", "fixed-time"])
 def test_the_time_of_a_baseline_is_nominal_whatever_happens(name):
-    policy = arm(name)
+    policy = variant(name)
     nominal = nominal_gait(policy.robot, policy.limits, (0.2, 0.0))
     plan = policy.plan(PUSHED)
     assert plan.duration == pytest.approx(nominal.duration, abs=1e-12)
     assert plan.step[0] > nominal.length + 0.05  # and its place is not
-    assert arm("stage-1").plan(PUSHED).duration < nominal.duration - 0.05
+    assert variant("stage-1").plan(PUSHED).duration < nominal.duration - 0.05
 
 
 def test_with_a_fixed_time_the_place_is_a_weighted_mean():
     """min alpha_1 (u - u_nom)^2 + alpha_3 (a tau - u - b_nom)^2 for T nominal, a = xi exp(-omega t)."""
-    policy = arm("fixed-time", "biped")
+    policy = variant("fixed-time", "biped")
     config, omega = policy.config, policy.robot.omega
     delay = config.touchdown_delay
     nominal = nominal_gait(policy.robot, policy.limits, (0.2, 0.0), delay)
@@ -399,25 +405,25 @@ def test_with_a_fixed_time_the_place_is_a_weighted_mean():
 
 
 def test_a_preset_may_tune_a_baseline():
-    preset = PresetFile("biped", arms={"raibert": {"upright_stiffness": 12.0}})
+    preset = PresetFile("biped", variants={"raibert": {"upright_stiffness": 12.0}})
     assert preset.config("raibert").upright_stiffness == 12.0
     base = named_preset("biped")
     assert preset.config("raibert").upright_damping == base.config("raibert").upright_damping
     assert preset.config("fixed-time") == base.config("fixed-time")
 
 
-def test_an_arm_overrides_of_a_preset_only_what_makes_it_that_arm():
-    assert ARMS["two-stage"].settings == {"use_cop": True, "use_trunk": True}
+def test_a_variant_overrides_of_a_preset_only_what_makes_it_that_variant():
+    assert VARIANTS["two-stage"].settings == {"use_cop": True, "use_trunk": True}
     fixed = {"use_cop": False, "use_trunk": False, "adapt_duration": False}
-    assert ARMS["fixed-time"].settings == fixed
+    assert VARIANTS["fixed-time"].settings == fixed
     rule = {"use_cop": False, "use_trunk": False, "foothold": "capture_point"}
-    assert ARMS["raibert"].settings == rule
-    assert ARMS["herdt"].settings == {**rule, "foothold": "linear_mpc"}
+    assert VARIANTS["raibert"].settings == rule
+    assert VARIANTS["herdt"].settings == {**rule, "foothold": "linear_mpc"}
 
 
 @pytest.mark.parametrize("name", ["raibert", "fixed-time", "stage-1"])
 def test_without_stage_2_the_dcm_is_expected_where_it_drifts_to(name):
     """About the sole's centre: xi(T) = xi(t) exp(omega (T - t))."""
-    plan = arm(name).plan(PUSHED)
+    plan = variant(name).plan(PUSHED)
     end = PUSHED[columns.DCM] * math.exp(ROBOT.omega * plan.remaining)
     np.testing.assert_allclose(plan.dcm_end, end, atol=1e-6)

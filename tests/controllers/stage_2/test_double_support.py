@@ -19,7 +19,7 @@ from push_recovery.controllers.stage_2.problem import SOLVED
 ROBOT, LIMITS = RobotModel(), GaitLimits()
 CONFIG = preset_config("double-support")
 PLANNER = DoubleSupportPlanner(ROBOT, LIMITS, CONFIG)
-ARMS = [{}, {"use_trunk": False}, {"use_cop": False}, {"trunk_debt": False, "trunk_gravity": 50.0},
+VARIANTS = [{}, {"use_trunk": False}, {"use_cop": False}, {"trunk_debt": False, "trunk_gravity": 50.0},
         {"cop_margin_x": 0.02, "cop_margin_y": 0.01}]  # fmt: skip
 
 
@@ -37,9 +37,9 @@ def rows(n: int, seed: int = 0, spread: float = 0.04) -> np.ndarray:
     return out
 
 
-@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: ",".join(arm) or "all")
-def test_plan_is_the_optimum_of_the_dense_problem(arm, kkt_residual):
-    planner = DoubleSupportPlanner(ROBOT, LIMITS, replace(CONFIG, **arm))
+@pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: ",".join(variant) or "all")
+def test_plan_is_the_optimum_of_the_dense_problem(variant, kkt_residual):
+    planner = DoubleSupportPlanner(ROBOT, LIMITS, replace(CONFIG, **variant))
     tight = 0
     for row, out in zip(rows(40), planner.plan_batch(rows(40)), strict=True):
         problem = planner.program(row)

@@ -158,16 +158,16 @@ def test_mirrored_state_gives_the_mirrored_plan_and_repeats_are_identical():
             np.testing.assert_array_equal(again.dcm_end, plan.dcm_end)
 
 
-@pytest.mark.parametrize("arm", [{"use_cop": False}, {"use_trunk": False}])
-def test_unused_inputs_stay_at_rest(arm):
-    planner = JerkCopPlanner(ROBOT, LIMITS, replace(REPAIRED, **arm))
+@pytest.mark.parametrize("variant", [{"use_cop": False}, {"use_trunk": False}])
+def test_unused_inputs_stay_at_rest(variant):
+    planner = JerkCopPlanner(ROBOT, LIMITS, replace(REPAIRED, **variant))
     for remaining, state in states(10, seed=5):
         qp = planner.program(
-            remaining, 0, state[:, 0] * np.array([1, 1, 1, 1, 1, 1, arm != {"use_trunk": False}])
+            remaining, 0, state[:, 0] * np.array([1, 1, 1, 1, 1, 1, variant != {"use_trunk": False}])
         )
         plan, N = call(planner, remaining, state), grid(planner.config, remaining).size
         assert plan.status == "solved"
-        if "use_trunk" in arm:
+        if "use_trunk" in variant:
             assert plan.trunk_acceleration.tolist() == [0.0, 0.0]
             assert qp.f.size == N
         else:

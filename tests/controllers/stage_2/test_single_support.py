@@ -25,7 +25,7 @@ PLANNER = CopPlanner(ROBOT, LIMITS, CONFIG)
 SPREAD = np.array(
     [0.08, 0.08, 0.4, 0.4, 2.0, 2.0, 0.3, 0.3, 0.02, 0.02]
 )  # dcm, angle, rate, target, reference
-ARMS = [{}, {"use_trunk": False}, {"use_cop": False}, {"trunk_gravity": 70.0},
+VARIANTS = [{}, {"use_trunk": False}, {"use_cop": False}, {"trunk_gravity": 70.0},
         {"trunk_debt": True}, {"trunk_debt": True, "use_cop": False}]  # fmt: skip
 
 
@@ -43,9 +43,9 @@ def call(planner: CopPlanner, *row) -> SimpleNamespace:
     )
 
 
-@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: ",".join(arm) or "all")
-def test_plan_is_the_optimum_of_the_dense_problem(arm, kkt_residual):
-    planner = CopPlanner(ROBOT, LIMITS, replace(CONFIG, **arm))
+@pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: ",".join(variant) or "all")
+def test_plan_is_the_optimum_of_the_dense_problem(variant, kkt_residual):
+    planner = CopPlanner(ROBOT, LIMITS, replace(CONFIG, **variant))
     for row in rows(60):
         plan = call(planner, row)
         assert plan.status == "solved"

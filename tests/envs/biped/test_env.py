@@ -169,7 +169,7 @@ def test_info_tells_the_push_the_world_points_and_the_contacts(env):
     np.testing.assert_allclose(info["dcm"], expected, atol=1e-9)
     # within the sole, and the CMP away from it by the trunk's share of the plan
     assert np.all(np.abs(info["cop"] - sole) <= [0.1 + 1e-3, 0.05 + 1e-3])
-    share = core.settings.cmp_gain * core.gait.plan[0, 5:7]
+    share = core.gait_settings.cmp_gain * core.gait.plan[0, 5:7]
     np.testing.assert_allclose(np.abs(info["cmp"] - info["cop"]), np.abs(share), atol=1e-9)
 
 
@@ -242,7 +242,7 @@ def test_after_the_stop_it_steps_in_place(walk):
 
 
 def test_a_config_is_passed_whole_or_by_its_fields():
-    config = BipedConfig(control_hz=50.0, profile="hardware", sensing="exact", arm="two-stage")
+    config = BipedConfig(control_hz=50.0, profile="hardware", sensing="exact", variant="two-stage")
     whole, changed = BipedEpisodes(2, config, threads=2), BipedEpisodes(2, config, sensing="onboard")
     assert (whole.config.preset, whole.config.robot) == (
         "biped",

@@ -21,7 +21,7 @@ from push_recovery.envs.scenario.scenario import Scenario
 
 BOUNDS = BIPED_BOUNDS
 EPISODES = BipedEpisodes(2)
-FINAL = EPISODES.core.settings.commit
+FINAL = EPISODES.core.gait_settings.commit
 EDGES = EPISODES.core.limits_record.edges
 PLAN_LIMITS = record_of.PlanLimits(*EDGES.tolist())
 MIDDLE = np.array([0.1, 0.25, 0.45, 0.0, 0.0, 0.0, 0.0])

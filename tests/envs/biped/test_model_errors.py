@@ -83,7 +83,7 @@ def test_rotors_slow_the_joints_and_leave_the_base_alone():
 
 
 @pytest.mark.parametrize(
-    ("errors", "believes", "physical"),
+    ("errors", "mismatched", "physical"),
     [
         ({}, 0, 0), ({"friction": 0.5}, 0, 0), ({"floor_step": 0.01}, 0, 0), ({"dcm_noise": 0.01}, 0, 0),
         ({"joint_friction": 0.5}, 0, 0), ({"delay": 0.004}, 0, 1), ({"motor_power": 300.0}, 0, 1),
@@ -92,11 +92,11 @@ def test_rotors_slow_the_joints_and_leave_the_base_alone():
     ],
 )  # fmt: skip
 def test_what_control_takes_for_the_robot_is_another_one_where_kinematics_or_dynamics_are(
-    errors, believes, physical
+    errors, mismatched, physical
 ):
     table = model_errors.no_errors(1)
     model_errors.assign_errors(table, 0, Scenario("a", errors=ModelErrors(**errors)), biped())
-    assert (table.believes[0], table.physical[0]) == (believes, physical)
+    assert (table.mismatched[0], table.physical[0]) == (mismatched, physical)
 
 
 @pytest.mark.parametrize("errors", [{}, {"mass": 0.2}, {"armature": 0.05}, {"mass": 0.2, "armature": 0.05}])
@@ -693,14 +693,14 @@ def test_the_power_of_one_motor_and_that_of_all_are_held_in_a_run(biped_core, be
 def test_any_limit_of_the_drives_alone_makes_a_step_more_than_a_plain_one(errors):
     table = model_errors.no_errors(1)
     model_errors.assign_errors(table, 0, Scenario("a", errors=ModelErrors(**errors)), biped())
-    assert (table.believes[0], table.physical[0]) == (0, 1)
+    assert (table.mismatched[0], table.physical[0]) == (0, 1)
 
 
 @pytest.mark.parametrize("errors", [{"trunk_com": (0.01, 0.0, 0.0)}, {"payload": 2.0}])
 def test_control_does_not_know_of_what_the_trunk_alone_carries(errors):
     table = model_errors.no_errors(1)
     model_errors.assign_errors(table, 0, Scenario("a", errors=ModelErrors(**errors)), biped())
-    assert (table.believes[0], table.physical[0]) == (1, 1)
+    assert (table.mismatched[0], table.physical[0]) == (1, 1)
 
 
 def test_losses_are_those_of_waist_and_legs_not_of_held_joints():

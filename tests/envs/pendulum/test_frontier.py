@@ -21,7 +21,7 @@ DURATION = 4 * 0.65 + 0.1 + 3.0
 
 
 def scan(name, forces):
-    """For {psi: forces} whether the arm survives, as {psi: [bool]}."""
+    """For {psi: forces} whether the variant survives, as {psi: [bool]}."""
     policy, gait = make_policy(name), nominal_gait(ROBOT, LIMITS)
     start = nominal_start(gait, ROBOT.pelvis_width, ROBOT.omega)
     values = np.array([gait.length, gait.width, gait.duration, 0.0, 0.0, 0.0, 0.0])
@@ -51,7 +51,7 @@ def test_stage_1_reaches_97_percent_of_the_point_foot_limit_and_no_more():
     assert all(result == [True, True, True, False] for result in alive.values())
 
 
-def test_two_stage_comes_within_a_grid_step_of_97_percent_and_beats_every_ablated_arm():
+def test_two_stage_comes_within_a_grid_step_of_97_percent_and_beats_every_ablated_variant():
     force, limit = frontier("two-stage", 0.55)
     assert np.average((force + 10) / limit, weights=WEIGHTS) >= 0.98  # the first failure on the 10 N grid
     assert ((force + 10) / limit).min() >= 0.97

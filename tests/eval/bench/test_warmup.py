@@ -5,7 +5,7 @@ import re
 
 import gymnasium as gym
 import pytest
-from push_recovery.controllers.settings import ARMS
+from push_recovery.controllers.settings import VARIANTS
 from push_recovery.eval.bench import run as warmup
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.environments import make_env
@@ -20,7 +20,7 @@ def test_every_environment_and_double_support_are_run():
     assert "PushRecovery/Pendulum-v0@double-support" in warmup.names()
 
 
-def test_every_arm_runs_alone_and_side_by_side_with_the_errors_of_its_robot(monkeypatch):
+def test_every_variant_runs_alone_and_side_by_side_with_the_errors_of_its_robot(monkeypatch):
     runs = []
     monkeypatch.setattr(warmup, "rollout", lambda env, policy, scenario, name: runs.append((name, 1)))
 
@@ -30,24 +30,24 @@ def test_every_arm_runs_alone_and_side_by_side_with_the_errors_of_its_robot(monk
 
     monkeypatch.setattr(warmup, "rollout_all", batch)
     warmup._run("PushRecovery/Pendulum-v0")
-    assert sorted(runs) == sorted([(arm, count) for arm in ARMS for count in (1, 2)])
+    assert sorted(runs) == sorted([(variant, count) for variant in VARIANTS for count in (1, 2)])
 
 
 GAITS = [name for name in warmup.names() if not re.search("Residual|Joint|FullBody", name)]
 
 
 @pytest.mark.parametrize("name", GAITS)
-def test_every_arm_that_is_run_can_be_made(name):
+def test_every_variant_that_is_run_can_be_made(name):
     env = make_env(name)
-    for arm in warmup.arms(name):
-        warmup.make_policy(arm, env)
+    for variant in warmup.variants(name):
+        warmup.make_policy(variant, env)
     env.close()
     without = {"two-stage-paper", "herdt"} if "double" in name else set()
-    assert set(ARMS) - set(warmup.arms(name)) == without
+    assert set(VARIANTS) - set(warmup.variants(name)) == without
 
 
 @pytest.mark.parametrize("name", ["BipedResidual", "BipedJoint", "BipedJointResidual", "BipedFullBody"])
-def test_what_no_arm_acts_in_runs_alone_and_side_by_side(monkeypatch, name):
+def test_what_no_variant_acts_in_runs_alone_and_side_by_side(monkeypatch, name):
     done = []
     for call in ("rollout", "rollout_all"):
         run = getattr(warmup, call)

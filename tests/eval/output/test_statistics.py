@@ -294,8 +294,8 @@ def test_seeds_that_differ_widen_the_interval_and_scenarios_alone_do_not_tell():
     assert high - low == pytest.approx(2 * 1.96 * rates.std() / np.sqrt(40), rel=0.06)
 
 
-def test_scenarios_are_drawn_together_for_both_arms():
-    """Two arms apart by a constant on every scenario: the pairs leave nothing to chance."""
+def test_scenarios_are_drawn_together_for_both_variants():
+    """Two variants apart by a constant on every scenario: the pairs leave nothing to chance."""
     base = np.random.default_rng(7).normal(size=(1, 50))
     interval = bootstrap_interval(
         lambda a, b: float(np.mean(a - b)), [base + 0.25, base], np.random.default_rng(8), draws=50

@@ -2,8 +2,6 @@
 
 import dataclasses
 import math
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -121,13 +119,12 @@ def test_tables_and_picture(some, tmp_path):
     assert svg.suffix == ".svg"
 
 
-def test_the_command_tells_it(constant, tmp_path):
+def test_the_command_tells_it(constant, tmp_path, capsys):
     file = constant[1].save(tmp_path / "policy")
     words = ["corrections", str(file), "--sample", "2", "--out", str(tmp_path / "out")]
-    done = subprocess.run([sys.executable, "-m", "push_recovery", *words], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    assert main(words) == 0
     (page,) = (tmp_path / "out").glob("corrections-*.md")
-    assert page.read_text() in done.stdout
+    assert page.read_text() in capsys.readouterr().out
     written = {path.name for path in (tmp_path / "out").iterdir()}
     assert written == {f"{page.stem}.{kind}" for kind in ("md", "png", "svg")}
 

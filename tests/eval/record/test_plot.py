@@ -1,8 +1,6 @@
 """Learning curves are read from the files of policies, and drawn."""
 
 import json
-import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
@@ -85,12 +83,11 @@ def test_the_figure_has_the_curves_and_the_lines(file, tmp_path, monkeypatch):
     assert said == ["recovered, of 40 pushes like those of hard; quick and hard"]
 
 
-def test_the_command_prints_the_ends_and_draws(file, tmp_path):
+def test_the_command_prints_the_ends_and_draws(file, tmp_path, capsys):
     words = ["curves", str(file), "--ceiling", "0.9", "--out", str(tmp_path / "out")]
-    done = subprocess.run([sys.executable, "-m", "push_recovery", *words], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    assert main(words) == 0
     first = f"{file}, hardware: 0.500 -> 0.750 after 1500000 actions"
-    assert done.stdout.splitlines()[0] == first
+    assert capsys.readouterr().out.splitlines()[0] == first
     assert len(list((tmp_path / "out").glob("curves-*.svg"))) == 1
 
 

@@ -232,7 +232,10 @@ def test_an_episode_in_one_line_counts_from_its_last_push():
     lost = {"recovered_at": None, "failure_reason": "com_height", "time": 2.3}
     for changed, words in (
         ({}, "52.8 N s to the right: recovered after 1.4 s"),
-        ({"recovered_at": None}, "52.8 N s to the right: still up after 3.5 s, but does not walk as told"),
+        (
+            {"recovered_at": None},
+            "52.8 N s to the right: still up after 3.5 s, but does not walk as commanded",
+        ),
         (lost, "52.8 N s to the right: fell after 0.8 s (sank too low)"),
         ({"push": None}, "no push: recovered after 2.9 s"),
         ({"recovered_at": 1.4}, "52.8 N s to the right: recovered after 0.0 s"),

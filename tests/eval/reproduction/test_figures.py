@@ -1,4 +1,4 @@
-"""The figures of the reproduction: files, equal bytes, looks by arm, units, and what they draw."""
+"""The figures of the reproduction: files, equal bytes, looks by variant, units, and what they draw."""
 
 import io
 import math

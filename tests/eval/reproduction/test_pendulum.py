@@ -45,7 +45,7 @@ def plain(outcome):
 
 
 @pytest.mark.parametrize(
-    ("arm", "vx", "settings"),
+    ("variant", "vx", "settings"),
     [
         ("stage-1", 0.0, {}),
         ("two-stage", 0.5, {}),
@@ -53,10 +53,10 @@ def plain(outcome):
         ("two-stage", 0.0, {"preset": "double-support"}),
     ],
 )
-def test_the_batch_is_the_environment(arm, vx, settings):
+def test_the_batch_is_the_environment(variant, vx, settings):
     env, scenarios = PendulumEnv(**settings), pushes(vx)
-    policy = make_policy(arm, env.robot, preset=settings.get("preset", "default"))
-    single = [plain(rollout(env, policy, scenario, arm)) for scenario in scenarios]
+    policy = make_policy(variant, env.robot, preset=settings.get("preset", "default"))
+    single = [plain(rollout(env, policy, scenario, variant)) for scenario in scenarios]
     episodes = PendulumEpisodes(len(scenarios), **settings)
     if "preset" in settings:
         assert (episodes.touchdown_delay, episodes.double_support) == (0.0, 0.1)
@@ -190,11 +190,11 @@ def test_the_ends_of_the_range(limit, survived):
 
 def test_agrees_with_the_frontier_of_the_environment():
     """The same numbers as `push-recovery frontier`, one episode at a time."""
-    env_id, arm = "PushRecovery/Pendulum-v0", "stage-1+cop"
+    env_id, variant = "PushRecovery/Pendulum-v0", "stage-1+cop"
     runner = Runner(env_id)
-    row = frontier.scan(runner, frontier.ScanJob(frontier.FrontierSettings(env_id, 20.0), arm, 90.0))
+    row = frontier.scan(runner, frontier.ScanJob(frontier.FrontierSettings(env_id, 20.0), variant, 90.0))
     runner.close()
-    found = ScanJob(Variant("a", arm), PushKind(90.0), (20.0,)).run()
+    found = ScanJob(Variant("a", variant), PushKind(90.0), (20.0,)).run()
     strengths = {name: found[name] for name in ("survived", "largest_survived", "failed")}
     assert strengths == {name: row[f"{name}_N"] for name in strengths}
     assert found["unit"] == "N"
@@ -243,8 +243,8 @@ def test_equal_variants_share_a_row_and_others_do_not():
 def test_a_variant_is_its_policy_and_robot_with_what_differs():
     variant = Variant("v", "two-stage-paper", pairs({"beta_dcm": 7.0}), pairs({"foot_width": 0.13}), 50.0)
     policy = variant.made_policy()
-    arm = make_policy("two-stage-paper").config
-    assert policy.config == replace(arm, beta_dcm=7.0, first_interval_min=0.02)  # type: ignore[attr-defined]
+    config = make_policy("two-stage-paper").config
+    assert policy.config == replace(config, beta_dcm=7.0, first_interval_min=0.02)  # type: ignore[attr-defined]
     episodes = variant.episodes(1)
     assert (episodes.limits.cop_y_max, episodes.control_hz, episodes.robot.pelvis_width) == (0.065, 50.0, 0.2)
     assert variant.made_policy() is policy

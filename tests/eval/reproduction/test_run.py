@@ -29,7 +29,7 @@ CASE = {
     "final_lean": 0.1,
 }
 GROUP = {"combinations": 10, "survived": 9, "recovered": 8}
-ARMS = ("stage-1-paper", "two-stage-paper", "two-stage")
+VARIANTS = ("stage-1-paper", "two-stage-paper", "two-stage")
 
 
 def entries(forward, outward, inward):
@@ -44,12 +44,12 @@ CONTENT = {
         "two-stage-paper": {"recovers_315_N": True, "max_force_N": 397},
     },
     "scenario_1_limits_N": {"point foot": 315.9},
-    "scenario_1_interval": {name: {"max_force_N": [50, 500]} for name in ARMS},
+    "scenario_1_interval": {name: {"max_force_N": [50, 500]} for name in VARIANTS},
     "scenario_1_together": {
         "stage-1-paper": {"none": GROUP},
         "two-stage-paper": {"repaired": GROUP, "literal": {**GROUP, "recovered": 2}},
     },
-    "scenario_1_cases": dict.fromkeys(ARMS, CASE),
+    "scenario_1_cases": dict.fromkeys(VARIANTS, CASE),
     "scenario_1_sway": [{"beta_3": 0.01, **CASE}],
     "scenario_2": {
         "stage-1-paper": entries(400, 60, 30),

@@ -31,7 +31,7 @@ def rows_of(jobs, value):
 
 
 def test_scenario_2_in_short():
-    """Arms at a known share of F*: 0.25 for stage 1, 0.5 for the others, 0.4 inward and 0.9 to the front."""
+    """Variants at a known share of F*: 0.25 for stage 1, 0.5 for others, 0.4 inward and 0.9 to the front."""
 
     def value(job):
         share = 0.25 if job.variant.label == "stage-1" else 0.4 if 45 <= job.push.psi_deg <= 135 else 0.5

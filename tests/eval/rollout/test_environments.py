@@ -32,25 +32,25 @@ SCENARIO = Scenario("push", (polar_push(300.0, 0.4, 0.1, 0.5),), duration=0.9)
 @pytest.fixture(scope="module")
 def preset(tmp_path_factory):
     path = tmp_path_factory.mktemp("own") / "own.json"
-    PresetFile("biped", arms={"stage-1": OWN}).save(path)
+    PresetFile("biped", variants={"stage-1": OWN}).save(path)
     return str(path)
 
 
-def test_the_environment_is_the_robot_of_its_arm(preset):
-    one = BipedEpisodes(1, preset=preset, arm="stage-1")
+def test_the_environment_is_the_robot_of_its_variant(preset):
+    one = BipedEpisodes(1, preset=preset, variant="stage-1")
     for episodes in (one, one.clone(2)):
-        assert (episodes.core.settings.apex, episodes.limits.length_max) == (0.05, 0.4)
+        assert (episodes.core.gait_settings.apex, episodes.limits.length_max) == (0.05, 0.4)
         assert episodes.touchdown_delay == 0.009
-    for arm in ("", "two-stage"):
-        episodes = BipedEpisodes(1, preset=preset, arm=arm)
-        assert (episodes.core.settings.apex, episodes.limits.length_max) == (0.0527, 0.431)
+    for variant in ("", "two-stage"):
+        episodes = BipedEpisodes(1, preset=preset, variant=variant)
+        assert (episodes.core.gait_settings.apex, episodes.limits.length_max) == (0.0527, 0.431)
         assert episodes.touchdown_delay == 0.0155
 
 
-def test_only_an_arm_with_its_own_robot_needs_another_environment(preset):
+def test_only_a_variant_with_its_own_robot_needs_another_environment(preset):
     env = BipedEnv(preset=preset)
     assert has_own_robot(env, "stage-1")
-    assert not has_own_robot(BipedEnv(preset=preset, arm="stage-1"), "stage-1")
+    assert not has_own_robot(BipedEnv(preset=preset, variant="stage-1"), "stage-1")
     assert not any(has_own_robot(env, other) for other in ("two-stage", "random", "file.json", object()))
     assert not has_own_robot(BipedEnv(), "stage-1")
 
@@ -60,14 +60,15 @@ def test_policies_side_by_side_walk_their_own_robots(preset):
     sources = policy_sources({"mine": "stage-1", "two-stage": "two-stage"})
     env_id = f"{BIPED}@{preset}"
     runner = Runner(env_id, sources)
-    for label, arm, kwargs in (("two-stage", "two-stage", {}), ("mine", "stage-1", {"arm": "stage-1"})):
+    for label, variant in (("two-stage", "two-stage"), ("mine", "stage-1")):
+        kwargs = {"variant": variant} if label == "mine" else {}
         env = make_env(env_id, **kwargs)
-        expected = rollout(env, load_policy(arm, env), SCENARIO, label)
+        expected = rollout(env, load_policy(variant, env), SCENARIO, label)
         assert runner.run((label, SCENARIO)) == expected
         assert list(runner.run_all(label, [SCENARIO])) == [expected]
-        assert named_rollout(arm, SCENARIO, env_id) == replace(expected, policy=arm)
+        assert named_rollout(variant, SCENARIO, env_id) == replace(expected, policy=variant)
         common = make_env(env_id)
-        differs = rollout(common, load_policy(arm, common), SCENARIO, label) != expected
+        differs = rollout(common, load_policy(variant, common), SCENARIO, label) != expected
         assert differs == (label == "mine")
     runner.close()
 

@@ -9,13 +9,13 @@ from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.controllers.policies.learned import NetworkPolicy, PolicyDescription, ResidualBase
 from push_recovery.controllers.policies.mlp import Mlp, Normalisation
 from push_recovery.controllers.policies.two_stage import make_policy
-from push_recovery.controllers.settings import ARMS
+from push_recovery.controllers.settings import VARIANTS
 from push_recovery.envs.pendulum.env import PendulumEnv
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.envs.wrappers import ActionHold, ResidualAction
 from push_recovery.eval.cli.score import Evaluate
-from push_recovery.eval.rollout import TABLE_ARMS
+from push_recovery.eval.rollout import TABLE_VARIANTS
 from push_recovery.eval.rollout import episodes as loop
 from push_recovery.eval.rollout.environments import make_env
 from push_recovery.eval.rollout.episodes import Observer, rollout
@@ -426,6 +426,6 @@ def test_an_environment_that_acts_in_its_own_way_runs_alone():
 
 
 def test_a_table_leaves_out_what_falls_without_a_push():
-    assert set(ARMS) - set(TABLE_ARMS) == {"passive", "raibert", "herdt", "fixed-time"}
-    assert Evaluate().policies == TABLE_ARMS
+    assert set(VARIANTS) - set(TABLE_VARIANTS) == {"passive", "raibert", "herdt", "fixed-time"}
+    assert Evaluate().policies == TABLE_VARIANTS
     assert "passive" in policy_names()  # for those who ask for it

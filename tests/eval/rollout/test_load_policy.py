@@ -199,7 +199,7 @@ def test_the_random_policy_fits_single_and_vector_form(env_id):
 
 
 @pytest.mark.parametrize("env_id", [JOINT, RESIDUAL])
-def test_arms_give_no_actions_of_joints(env_id):
+def test_variants_give_no_actions_of_joints(env_id):
     with pytest.raises(InvalidValueError, match=rf"'two-stage' gives gait actions, but {env_id} takes 14"):
         make_policy("two-stage", make_env(env_id))
 

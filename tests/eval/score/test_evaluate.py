@@ -115,7 +115,7 @@ def test_workers_and_order_change_nothing(policies, tmp_path):
     assert alone.score(policies[1]).rate > alone.score(policies[0]).rate
     keys = ("scenario_id", "impulse", "psi_deg", "command")
     pushed = [[[row[key] for key in keys] for row in alone.rows[name]] for name in policies]
-    assert pushed[0] == pushed[1]  # every arm meets the same pushes
+    assert pushed[0] == pushed[1]  # every variant meets the same pushes
 
 
 @pytest.mark.parametrize("workers", [1, 2, 64])
@@ -292,10 +292,10 @@ def preset(tmp_path):
     return path
 
 
-def test_an_id_with_a_preset_makes_robot_and_arm_of_the_file(preset):
+def test_an_id_with_a_preset_makes_robot_and_variant_of_the_file(preset):
     env = make_env(f"{BIPED}@{preset}")
     assert env.unwrapped.limits.duration_max == 0.7
-    assert env.unwrapped.core.settings.apex == 0.08
+    assert env.unwrapped.core.gait_settings.apex == 0.08
     policy = load_policy("two-stage", env)
     assert (policy.config.beta_dcm, policy.limits.duration_max) == (900.0, 0.7)
     base = make_policy("stage-1", preset="biped")

@@ -20,15 +20,15 @@ CALM = Suite("calm", "1", tuple(Scenario(f"c{i}", (polar_push(100.0, i, 0.1, 0.2
 
 def test_one_thing_is_varied_at_a_time():
     assert next(iter(varying.VARIATIONS)) == "exact"
-    names = {"exact", "onboard", "hardware", *dict(varying.NUMERICS), *dict(varying.BODIES)}
-    assert len(varying.VARIATIONS) == len(varying.NUMERICS) + len(varying.BODIES) + 3 == len(names)
+    names = {"exact", "onboard", "hardware", *dict(varying.NUMERICS), *dict(varying.MODEL_ERRORS)}
+    assert len(varying.VARIATIONS) == len(varying.NUMERICS) + len(varying.MODEL_ERRORS) + 3 == len(names)
     exact = [name for name, profile in varying.VARIATIONS.items() if profile.sensing == "exact"]
     assert exact == [name for name in varying.VARIATIONS if name not in {"onboard", "hardware"}]
     assert replace(varying.VARIATIONS["onboard"], name="exact", sensing="exact") == EXACT
     for name, _ in varying.NUMERICS:
         assert varying.VARIATIONS[name].errors == EXACT.errors
         assert varying.VARIATIONS[name].physics != EXACT.physics
-    for name, _ in varying.BODIES:
+    for name, _ in varying.MODEL_ERRORS:
         assert len(varying.VARIATIONS[name].errors.names) == 1
         assert varying.VARIATIONS[name].physics == EXACT.physics
     assert varying.VARIATIONS["hardware"] is HARDWARE
@@ -132,7 +132,7 @@ def test_hardware_is_that_of_the_robot():
 
 def test_a_variation_is_as_large_as_its_name_says():
     sizes = {}
-    for name, one in (*varying.NUMERICS, *varying.BODIES):
+    for name, one in (*varying.NUMERICS, *varying.MODEL_ERRORS):
         if number := re.search(r"-([\d.]+)(ms|kW)?$", name):
             size = float(number[1]) * {"ms": 1e-3, "kW": 1e3, None: 1.0}[number[2]]
             sizes[name] = size, [value for value in one.to_dict().values() if not isinstance(value, str)]

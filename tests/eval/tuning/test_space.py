@@ -12,7 +12,7 @@ from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.tuning import space
 from push_recovery.eval.tuning.space import (
     ROBOT,
-    VARIANTS,
+    TUNED,
     Dimension,
     Space,
     planner_dimensions,
@@ -24,7 +24,7 @@ LINEAR = Dimension("a", "x", 0.0, 1.0, 0.1)
 LOG = Dimension("b", "y", 1.0, 100.0, 2.0, "log")
 SPACE = Space((LINEAR, LOG), (0.5, 10.0))
 START = {"planner": asdict(preset_config("biped")), **BipedSettings().to_dict()}
-PLANNER = {d.name: d for arm in VARIANTS for d in planner_dimensions(arm)}
+PLANNER = {d.name: d for variant in TUNED for d in planner_dimensions(variant)}
 
 
 def test_units_are_differences_and_factors():
@@ -50,8 +50,8 @@ def test_every_dimension_is_a_field_and_none_comes_twice():
     for dimension in (*PLANNER.values(), *ROBOT):
         group = dimension.group
         assert dimension.name in (planner if group == "planner" else SECTIONS[group])
-    for arm in VARIANTS:
-        labels = [d.label for d in (*planner_dimensions(arm), *ROBOT)]
+    for variant in TUNED:
+        labels = [d.label for d in (*planner_dimensions(variant), *ROBOT)]
         assert len(set(labels)) == len(labels)
 
 
@@ -84,14 +84,14 @@ def observations():
     return np.concatenate(seen)
 
 
-@pytest.mark.parametrize("arm", VARIANTS)
-def test_an_arm_is_tuned_in_all_that_it_uses_and_in_nothing_else(arm, observations):
-    """A field belongs to the space of an arm exactly if some action depends on it."""
-    policy = make_policy(arm)
+@pytest.mark.parametrize("variant", TUNED)
+def test_a_variant_is_tuned_in_all_that_it_uses_and_in_nothing_else(variant, observations):
+    """A field belongs to the space of a variant exactly if some action depends on it."""
+    policy = make_policy(variant)
     assert isinstance(policy, TwoStagePolicy)
     base = replace(policy.config, beta_trunk_limit=10.0)  # low enough to show at what was seen
     actions = TwoStagePolicy(config=base).predict(observations)[0]
-    used = {d.name for d in planner_dimensions(arm)}
+    used = {d.name for d in planner_dimensions(variant)}
     for name, dimension in PLANNER.items():
         start = float(getattr(base, name))
         config = replace(base, **{name: dimension.value(3.0 if start < dimension.high else -3.0, start)})
@@ -99,7 +99,7 @@ def test_an_arm_is_tuned_in_all_that_it_uses_and_in_nothing_else(arm, observatio
         assert differs == (name in used), name
 
 
-def test_arms_without_gains_are_refused():
+def test_variants_without_gains_are_refused():
     assert set(space.TRUNK) <= set(planner_dimensions("two-stage"))
     assert set(space.UPRIGHT) <= set(planner_dimensions("stage-1"))
     message = r"unknown policy to tune 'passive' \(valid: raibert, herdt, fixed-time, stage-1, stage-1\+cop"

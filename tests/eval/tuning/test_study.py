@@ -23,7 +23,7 @@ from push_recovery.eval.tuning.variants import tune_variants
 SETTINGS = TuningSettings("PushRecovery/Biped-v0", "two-stage", space="both", scenarios=8)
 
 
-def test_all_that_is_tuned_becomes_the_arms_own():
+def test_all_that_is_tuned_becomes_the_variants_own():
     values = {
         "planner": {"beta_dcm": 123.0, "touchdown_delay": 0.007}, "gait": {"apex": 0.05},
         "gains": {"swing_kp": 321.0},
@@ -32,7 +32,7 @@ def test_all_that_is_tuned_becomes_the_arms_own():
     assert preset.base == "biped"
     assert preset.planner == preset.biped == {}
     robot = {"gait": {"apex": 0.05}, "gains": {"swing_kp": 321.0}}
-    assert preset.arms == {"two-stage": {**values["planner"], "biped": robot}}
+    assert preset.variants == {"two-stage": {**values["planner"], "biped": robot}}
     assert preset.found == {"by": "hand"}
     assert preset.config("two-stage").beta_dcm == 123.0
     assert preset.config("stage-1") == named_preset("biped").config("stage-1")
@@ -45,18 +45,18 @@ def test_the_planner_holds_its_plan_when_the_gait_machine_commits_the_foot():
     assert preset.robot()["gait"]["commit"] == preset.config("stage-1").freeze != 0.035
 
 
-def test_what_the_start_says_of_an_arm_stays_beside_what_is_tuned(tmp_path):
+def test_what_the_start_says_of_a_variant_stays_beside_what_is_tuned(tmp_path):
     first = preset_of(SETTINGS, {"planner": {"beta_dcm": 123.0, "beta_trunk": 5.0}, "gait": {"apex": 0.05}})
     first.save(tmp_path / "first.json")
     settings = replace(SETTINGS, preset=str(tmp_path / "first.json"))
     again = preset_of(settings, {"planner": {"beta_dcm": 7.0}, "gait": {"early": 0.01}})
     robot = {"gait": {"apex": 0.05, "early": 0.01}}
-    assert again.arms == {"two-stage": {"beta_dcm": 7.0, "beta_trunk": 5.0, "biped": robot}}
+    assert again.variants == {"two-stage": {"beta_dcm": 7.0, "beta_trunk": 5.0, "biped": robot}}
 
 
-def test_a_search_starts_where_the_arm_is(tmp_path):
+def test_a_search_starts_where_the_variant_is(tmp_path):
     own = {"touchdown_delay": 0.009, "biped": {"gait": {"apex": 0.05}}}
-    PresetFile("biped", arms={"two-stage": own}).save(tmp_path / "own.json")
+    PresetFile("biped", variants={"two-stage": own}).save(tmp_path / "own.json")
     found = {}
     for name in ("two-stage", "stage-1"):
         space = tuning.space_of(replace(SETTINGS, policy=name, preset=str(tmp_path / "own.json")))
@@ -342,10 +342,10 @@ def test_command_prints_one_object(tmp_path, capsys):
     options += ["--held-out", "8", "--workers", "1"]
     assert main(["tune", *options, "--out", str(tmp_path), "--json"]) == 0
     out = json.loads(capsys.readouterr().out)
-    arm = out["arms"]["stage-1"]
-    assert arm["trials"] == 1
-    for path in (out["preset"], arm["preset"]):
-        assert load_preset(path).arms["stage-1"] == arm["settings"]["planner"]
+    variant = out["variants"]["stage-1"]
+    assert variant["trials"] == 1
+    for path in (out["preset"], variant["preset"]):
+        assert load_preset(path).variants["stage-1"] == variant["settings"]["planner"]
     assert main(["tune", *options, "--out", str(tmp_path)]) == 0
     assert "held out" in capsys.readouterr().out
     assert main(["tune", "--policies", "stage-1", "random"]) == 2

@@ -1,4 +1,4 @@
-"""Several arms searched one after the other: directories of their own, one record, and its tables."""
+"""Several variants searched one after the other: directories of their own, one record, and its tables."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,25 +11,25 @@ from push_recovery.eval.tuning.study import TuningSettings, tune
 from push_recovery.eval.tuning.variants import all_trials, field_cells, score_cells, tune_variants
 
 SETTINGS = TuningSettings("PushRecovery/Pendulum-v0", "stage-1", scenarios=8, held_out=8)
-ARMS = ["stage-1", "fixed-time"]
+VARIANTS = ["stage-1", "fixed-time"]
 
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
-    return tune_variants(SETTINGS, ARMS, 2, directory=tmp_path_factory.mktemp("arms"))
+    return tune_variants(SETTINGS, VARIANTS, 2, directory=tmp_path_factory.mktemp("variants"))
 
 
-def test_every_arm_has_the_search_that_it_would_have_alone(found, tmp_path):
+def test_every_variant_has_the_search_that_it_would_have_alone(found, tmp_path):
     alone = tune(replace(SETTINGS, policy="fixed-time"), 2, directory=tmp_path)
-    assert list(found.studies) == ARMS
+    assert list(found.studies) == VARIANTS
     assert found.studies["fixed-time"].trials == alone.trials
     assert found.studies["fixed-time"].path.read_bytes() == alone.path.read_bytes()
     assert found.studies["fixed-time"].directory == found.directory / "fixed-time"
 
 
-def test_the_record_has_what_is_best_for_each_arm_and_how_it_was_found(found):
+def test_the_record_has_what_is_best_for_each_variant_and_how_it_was_found(found):
     record = load_preset(str(found.path))
-    for name in ARMS:
+    for name in VARIANTS:
         study = found.studies[name]
         assert record.config(name) == study.preset.config(name)
         assert record.found[name] == study.preset.found
@@ -46,11 +46,11 @@ def test_trials_add_up_over_searches_that_begin_where_one_ended():
     assert all_trials(PresetFile(found={"trials": 250}), {"herdt": {"trials": 4}}) == {"herdt": 4}
 
 
-def test_a_second_run_adds_arms_and_runs_nothing_again(found, tmp_path):
-    first = tune_variants(SETTINGS, ARMS[:1], 2, directory=tmp_path)
+def test_a_second_run_adds_variants_and_runs_nothing_again(found, tmp_path):
+    first = tune_variants(SETTINGS, VARIANTS[:1], 2, directory=tmp_path)
     seen = []
     both = tune_variants(
-        SETTINGS, ARMS, 2, directory=tmp_path, on_trial={"fixed-time": lambda row, best: seen.append(row)}
+        SETTINGS, VARIANTS, 2, directory=tmp_path, on_trial={"fixed-time": lambda row, best: seen.append(row)}
     )
     assert both.studies["stage-1"].trials == first.studies["stage-1"].trials
     assert len(seen) == 2
@@ -60,7 +60,7 @@ def test_a_second_run_adds_arms_and_runs_nothing_again(found, tmp_path):
 def test_names_fail_before_the_first_search(tmp_path):
     with pytest.raises(UnknownNameError, match="unknown policy to tune 'random'"):
         tune_variants(SETTINGS, ["stage-1", "random"], 1, directory=tmp_path)
-    with pytest.raises(InvalidValueError, match=r"^arm 'stage-1' is given more than once$"):
+    with pytest.raises(InvalidValueError, match=r"^variant 'stage-1' is given more than once$"):
         tune_variants(SETTINGS, ["stage-1", "stage-1"], 1, directory=tmp_path)
     assert list(tmp_path.iterdir()) == []
 
