@@ -1,6 +1,7 @@
 """Bipeds to test: a robot in any state beside MuJoCo's own data of that state, and episodes."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -22,11 +23,18 @@ BATCHES = 8  # into which pytest-xdist divides the tests for two workers, each o
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let the second of two workers begin without a biped, whose kernels the first one compiles meanwhile."""
+    """Let the second of two workers begin without a biped, whose kernels the first one compiles meanwhile.
+
+    The examples and the site, which take longest, come before `eval`, so that both workers end together.
+    """
     others = [item for name in WITHOUT_BIPED for item in items if item.path.parent.as_posix().endswith(name)]
     found, first = set(others), len(items) // BATCHES
     biped = [item for item in items if item not in found]
-    items[:] = [*biped[:first], *others, *biped[first:]]
+    later = biped[first:]
+    root = [item for item in later if item.path.parent == Path(__file__).parent]
+    rest = [item for item in later if item.path.parent != Path(__file__).parent]
+    before = next((i for i, item in enumerate(rest) if "eval" in item.path.parts), len(rest))
+    items[:] = [*biped[:first], *others, *rest[:before], *root, *rest[before:]]
 
 
 @pytest.fixture(scope="session")
