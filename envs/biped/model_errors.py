@@ -152,14 +152,14 @@ def _shaped(robot: CompiledRobot, terrains: tuple[Terrain, ...], collisions: boo
             terrain.shape(spec, robot.plan.sole_boxes)
             height = terrain.height(0.0, 0.0, Pattern())
             require_number(f"{type(terrain).__name__}.height [m] at the start", height)
-        if collisions:
-            add_collisions(spec, robot)
-        return robot.compiled(spec)
+    except PushRecoveryError:
+        raise
     except Exception as error:  # the class of a terrain decides for itself what it raises
-        if isinstance(error, PushRecoveryError) or not terrains:
-            raise
         names = ", ".join(type(terrain).__name__ for terrain in terrains)
         raise InvalidValueError(f"terrain {names} can't be added to the model: {shown(error)}") from error
+    if collisions:
+        add_collisions(spec, robot)
+    return robot.compiled(spec)
 
 
 def _alter_body(model: mujoco.MjModel, robot: CompiledRobot, errors: ModelErrors) -> None:
@@ -240,16 +240,21 @@ def check_biped_errors(errors: ModelErrors) -> None:
 def assign_errors(
     table: RobotErrors, k: int, scenario: Scenario, robot: CompiledRobot
 ) -> mujoco.MjModel | None:
-    """Give robot k the errors of a scenario, at its beginning; returns a model where it needs another."""
+    """Give robot k the errors of a scenario, at its beginning; returns a model where it needs another.
+
+    Raises:
+        InvalidValueError: the robot can't have them; nothing has changed then.
+    """
     errors, physics = scenario.errors, scenario.physics
+    exact = errors == EXACT_MODEL and physics == PLAIN_PHYSICS
+    check_biped_errors(errors)
+    model = None if exact else altered_model(robot, errors, physics)
     for field in table:
         field[k] = 0
     table.power[k], table.fine[k, STEPS] = (math.inf, math.inf, 1.0), 1
     table.motors[k, :INERTIA], table.motors[k, INERTIA] = robot.motors, joint_inertias(robot, robot.model)
-    if errors == EXACT_MODEL and physics == PLAIN_PHYSICS:
+    if exact:
         return None
-    check_biped_errors(errors)
-    model = altered_model(robot, errors, physics)
     table.mismatched[k] = (
         not set(errors.names) <= SAME_AS_NOMINAL or errors.joint_noise > 0.0 or any(errors.tilt)
     )

@@ -137,7 +137,7 @@ class Kinds(Generic[K]):
         has_name = isinstance(name, str) and name.isprintable() and bool(name.strip())
         demands = {
             f"be a subclass of {self.base.__name__}": isinstance(kind, type) and issubclass(kind, self.base),
-            "be a frozen dataclass": frozen is not None and frozen.frozen,
+            "be a frozen dataclass, made one before it is registered": frozen is not None and frozen.frozen,
             f"define {missing}": not missing,
             "have a json_name of printable characters": has_name,
             "have no field 'kind'": "kind" not in getattr(kind, "__dataclass_fields__", ()),

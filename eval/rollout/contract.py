@@ -194,8 +194,8 @@ class PolicyContract:
         ]
         torque = None
         if isinstance(effort, Mapping):
-            torque = tuple(float(effort.get(name, np.inf)) for name in (*joints, *others))
-            torque = tuple(min(value, 1e6) for value in torque)
+            limits = (effort.get(name) for name in (*joints, *others))
+            torque = tuple(1e6 if limit is None else min(float(limit), 1e6) for limit in limits)
         posture, stiffness, damping = values
         return Servos((*joints, *others), posture, stiffness, damping, torque, REACH)
 
@@ -536,7 +536,7 @@ def _check(found: PolicyContract) -> None:
             if not (is_finite_number(values[joint]) and values[joint] >= least):
                 refuse(path, f"has no number{bound} for {joint}, but {shown(values[joint])}")
     for joint, value in (contract.get(EFFORT, None) or {}).items():
-        if not _is_range((0.0, value)):
+        if not (value is None or _is_range((0.0, value))):
             refuse(EFFORT, f"has no number >= 0 for {joint}, but {shown(value)}")
     for axis, value in (contract.get(LIMITS, None) or {}).items():
         if not _is_range(value):
@@ -562,7 +562,8 @@ def _check(found: PolicyContract) -> None:
             refuse(f"{GROUP}.terms", f"has {size} numbers, the network takes {network.n_in}")
         if network.n_out != len(joints):
             refuse(NAMES, f"has {len(joints)} joints, the network gives {network.n_out} numbers")
-        if not np.isfinite(network.step(np.ones(network.n_in))).all():
+        parts = getattr(network, "models", {"": network}).values()  # of one that switches between several
+        if not all(np.isfinite(part.step(np.ones(part.n_in))).all() for part in parts):
             raise InvalidValueError(
                 f"the network {str(found.network)!r} of policy {name!r} answers an observation of ones with "
                 "numbers that are not finite: its weights are damaged"

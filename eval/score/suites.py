@@ -69,6 +69,8 @@ class Suite:
         if len(set(ids)) != len(ids):
             twice = next(name for name in ids if ids.count(name) > 1)
             raise InvalidValueError(f"suite {self.name!r} has the scenario id {twice!r} more than once")
+        for scenario in self.scenarios:
+            check_pushes_come(scenario)
 
     @cached_property
     def sha256(self) -> str:
@@ -86,6 +88,19 @@ class Suite:
         """Write the suite as JSON, whole or not at all."""
         content = {**self.summary(), "scenarios": [scenario.to_dict() for scenario in self.scenarios]}
         files.write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def check_pushes_come(scenario: Scenario) -> None:
+    """Raise InvalidValueError for an episode that ends before any of its pushes comes."""
+    if scenario.duration is None:
+        return
+    starts = [part.start for part in (*scenario.forces, *scenario.jumps)]
+    first = min((0.0 if isinstance(start, GaitEvent) else start for start in starts), default=0.0)
+    if first >= scenario.duration:
+        raise InvalidValueError(
+            f"Scenario.duration [s] of {shown(scenario.id)} must be more than the start of its first push at "
+            f"{first:g}, got {scenario.duration:g}"
+        )
 
 
 def load_suite(path: Path) -> Suite:
@@ -111,20 +126,12 @@ def load_suite(path: Path) -> Suite:
 
 
 def _read_scenario(where: str, entry: object) -> Scenario:
-    """A scenario of a suite file; raises InvalidValueError naming its place, also where no push can come."""
+    """A scenario of a suite file; raises InvalidValueError naming its place."""
     try:
-        found = Scenario.from_dict(entry)
-        starts = [part.start for part in (*found.forces, *found.jumps)]
-        first = min((0.0 if isinstance(start, GaitEvent) else start for start in starts), default=0.0)
-        if found.duration is not None and first >= found.duration:
-            raise InvalidValueError(
-                f"Scenario.duration [s] must be more than the start of its first push at {first:g}, "
-                f"got {found.duration:g}"
-            )
+        return Scenario.from_dict(entry)
     except PushRecoveryError as error:
         named = f" ({shown(entry['id'])})" if isinstance(entry, dict) and "id" in entry else ""
         raise InvalidValueError(f"{where}{named}: {error}") from error
-    return found
 
 
 def with_errors(suite: Suite, errors: ModelErrors) -> Suite:

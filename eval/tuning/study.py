@@ -339,6 +339,15 @@ class Study:
         return self.directory / "preset.json"
 
 
+def check_can_begin(settings: TuningSettings) -> None:
+    """Raise PushRecoveryError where a search is impossible: its fields, its robot, or one of its pushes."""
+    space_of(settings)
+    episodes = preset_episodes(settings.env_id, 1, settings.preset, settings.policy)
+    make_policy(settings.policy, episodes.robot, episodes.limits, settings.preset)
+    for scenario in one_of_each(one for suite in suites_of(settings) for one in suite.scenarios):
+        episodes.begin(0, scenario)
+
+
 def tune(
     settings: TuningSettings,
     trials: int,
@@ -361,12 +370,9 @@ def tune(
         PushRecoveryError: unknown names, impossible values, a directory of another study, or one to which
             another run is writing.
     """
+    check_can_begin(settings)
     space = space_of(settings)
     suite, held_out = suites_of(settings)
-    episodes = preset_episodes(settings.env_id, 1, settings.preset, settings.policy)
-    make_policy(settings.policy, episodes.robot, episodes.limits, settings.preset)
-    for scenario in one_of_each((*suite.scenarios, *held_out.scenarios)):  # what is impossible fails here
-        episodes.begin(0, scenario)
     config = configuration(settings, space, (suite, held_out))
     directory = directory or default_directory(f"tune-{settings.policy}", config)
     search = Search(space, settings.seed)

@@ -10,7 +10,7 @@ from ...controllers.settings import PresetFile, load_preset
 from ..output.rows import Writer, default_directory
 from ..output.tables import Table
 from ..rollout.environments import code_digest, preset_digest
-from .study import OnTrial, Study, TuningSettings, space_of, tune, whose
+from .study import OnTrial, Study, TuningSettings, check_can_begin, tune, whose
 
 
 @dataclass(frozen=True)
@@ -87,12 +87,12 @@ def all_trials(start: PresetFile, own: Mapping[str, Mapping[str, Any]]) -> dict[
 
 
 def check_variants(settings: TuningSettings, policies: Sequence[str]) -> dict[str, TuningSettings]:
-    """Settings of each variant's study; a name or a field that cannot be tuned is refused."""
+    """Settings of each variant's study; one that is impossible is refused before any of them begins."""
     if twice := [name for name in policies if policies.count(name) > 1]:
         raise InvalidValueError(f"variant {twice[0]!r} is given more than once")
     each = {name: replace(settings, policy=name) for name in policies}
     for own in each.values():
-        space_of(own)
+        check_can_begin(own)
     return each
 
 

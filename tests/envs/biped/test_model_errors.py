@@ -23,6 +23,7 @@ from push_recovery.envs.robots.variants import ARMS_HELD
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors, PhysicsOptions
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.envs.scenario.terrain import Stairs
 
 POLICY = make_policy("two-stage", BIPED, BIPED_LIMITS, "biped")
 ANKLE = "left_ankle_roll"
@@ -713,3 +714,15 @@ def test_losses_are_those_of_waist_and_legs_not_of_held_joints():
         added = getattr(own, name) - getattr(robot.model, name)
         np.testing.assert_allclose(added[legs], more, rtol=1e-12, err_msg=name)
         assert not added[arms].any(), name
+
+
+def test_a_terrain_that_is_refused_leaves_a_robot_its_errors(monkeypatch):
+    def fails(*_):
+        raise KeyError("pit")
+
+    table, stairs = model_errors.no_errors(1), ModelErrors(terrain=Stairs(0.0123))
+    model_errors.assign_errors(table, 0, Scenario("a", errors=ModelErrors(delay=0.004)), biped())
+    monkeypatch.setattr(Stairs, "shape", fails)
+    with pytest.raises(InvalidValueError, match="terrain Stairs can't be added to the model: KeyError"):
+        model_errors.assign_errors(table, 0, Scenario("b", errors=stairs), biped())
+    assert (table.physical[0], table.delay[0]) == (1, 2)

@@ -603,7 +603,9 @@ def test_targets_are_clipped_where_the_contract_says_so(mjlab):
 
 
 def test_torques_that_a_contract_limits_bound_those_joints_alone(mjlab):
-    contract = read_contract(mjlab(), {"model.effort_limit": {"left_knee": 33.0, "right_ankle_roll": 7.0}})
+    contract = read_contract(mjlab(), {
+        "model.effort_limit": {"left_knee": 33.0, "right_ankle_roll": 7.0, "right_knee": None}
+    })  # fmt: skip
     torque = dict(zip(JOINTS, contract.servos(["waist_pitch", *JOINTS]).torque, strict=True))
     assert (torque.pop("left_knee"), torque.pop("right_ankle_roll")) == (33.0, 7.0)
     assert min(torque.values()) >= 1e6

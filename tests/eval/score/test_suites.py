@@ -239,8 +239,8 @@ NAMED = "must be 1 to 1000 letters, digits, spaces and ._+=,@- that begin with a
         ({"scenarios": [{"id": "a"}, {"speed": 1}]}, "suite file {path!r}, scenario 2: scenario lacks id"),
         ({"scenarios": [{"id": "\ud800"}]}, "suite file {path!r}, scenario 1 ('\\ud800'): "
          "Scenario.id must be 1 to 1000 printable characters, got '\\ud800'"),
-        ({"scenarios": [{**PUSHED, "duration": 0.2}]}, "suite file {path!r}, scenario 1 ('b'): "
-         "Scenario.duration [s] must be more than the start of its first push at 0.5, got 0.2"),
+        ({"scenarios": [{**PUSHED, "duration": 0.2}]},
+         "Scenario.duration [s] of 'b' must be more than the start of its first push at 0.5, got 0.2"),
     ],
 )  # fmt: skip
 def test_a_bad_entry_is_named_with_its_place(tmp_path, change, message):

@@ -84,3 +84,12 @@ def test_the_fields_that_moved_most_come_first_whatever_their_way():
         best={"settings": {"g": {"a": 0.5, "b": -2.0, "c": 3.0}}, "point": [0.5, -3.0, 1.0]},
     )
     assert field_cells(study, 2) == [("g.b", "1", "-2", "-3.00"), ("g.c", "2", "3", "+1.00")]  # type: ignore[arg-type]
+
+
+def test_an_impossible_variant_is_refused_before_the_first_one_is_searched(monkeypatch, tmp_path):
+    """Herdt's MPC knows no double support."""
+    monkeypatch.setattr("push_recovery.eval.tuning.variants.tune", None)
+    settings = TuningSettings("PushRecovery/Pendulum-v0", "stage-1", preset="double-support")
+    with pytest.raises(InvalidValueError, match="double support"):
+        tune_variants(settings, ["stage-1", "herdt"], 1, directory=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
