@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import numbers
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, TypeVar
 
@@ -97,6 +97,64 @@ def require_keys(kind: str, data: object, required: set[str], optional: set[str]
     if unknown := sorted(str(key) for key in set(data) - required - optional):
         raise UnknownNameError(f"{kind} key", unknown[0], sorted(required | optional))
     return data
+
+
+Check = Callable[[str, Any], object]  # of a name and its value; raises InvalidValueError
+
+
+def require_text(name: str, value: object) -> str:
+    """The value, text; raises InvalidValueError otherwise."""
+    if not isinstance(value, str):
+        raise InvalidValueError(f"{name} must be text, got {shown(value)}")
+    return value
+
+
+def require_truth(name: str, value: object) -> bool:
+    """The value, True or False; raises InvalidValueError otherwise."""
+    if not isinstance(value, bool):
+        raise InvalidValueError(f"{name} must be true or false, got {shown(value)}")
+    return value
+
+
+def require_object(name: str, value: object) -> dict[str, Any]:
+    """The value, a JSON object; raises InvalidValueError otherwise."""
+    if not isinstance(value, dict):
+        raise InvalidValueError(f"{name} must be an object, got {shown(value)}")
+    return value
+
+
+def or_none(check: Check) -> Check:
+    """A check that lets None pass, too."""
+    return lambda name, value: value is None or check(name, value)
+
+
+def each(check: Check) -> Check:
+    """A check of each entry of a JSON object."""
+    return lambda name, value: [
+        check(f"{name}.{key:.60}", one) for key, one in require_object(name, value).items()
+    ]
+
+
+def check_fields(
+    data: object, checks: Mapping[str, Check], optional: Collection[str] = (), name: str = ""
+) -> None:
+    """Check a JSON object that others may have written, field by field.
+
+    Args:
+        data: the object; fields without a check may be anything.
+        checks: by field.
+        optional: fields that it need not have.
+        name: what messages call the object; without one they name its fields alone.
+
+    Raises:
+        InvalidValueError: it is no object, lacks a field, or a field is refused by its check.
+    """
+    known = require_object(name or "it", data)
+    if lacks := [key for key in checks if key not in known and key not in optional]:
+        raise InvalidValueError(f"{name or 'it'} lacks {', '.join(lacks)}")
+    for key, check in checks.items():
+        if key in known:
+            check(f"{name}.{key}" if name else key, known[key])
 
 
 def parse_json(what: str, text: str | bytes) -> Any:

@@ -52,7 +52,7 @@ from ..simulation import Simulations, compute_nominal
 from .floor import FootholdPlanner, KnownFloor, Stance, assign_floor, lay_floor, level_floors, pattern_of
 from .laws import assign_laws, own_floor
 from .limits_record import LimitsReport, clear_record, empty_record, plan_limits, report_limits
-from .model_errors import assign_errors, check_biped_errors, no_errors
+from .model_errors import assign_errors, no_errors
 from .period import (
     GAIT,
     Actuation,
@@ -312,8 +312,7 @@ class BipedCore:
         Raises:
             InvalidValueError: the robot can't have it; nothing has changed then.
         """
-        check_biped_errors(scenario.errors)
-        if sum(push.law is not None and push.law.accelerates for push in scenario.forces) > 1:
+        if scenario.floor_shifts > 1:
             raise InvalidValueError(f"a floor has one shift at most, got several in scenario {scenario.id!r}")
         for push in scenario.forces:
             require_choice("push body", push.body, tuple(self.body.pushed))

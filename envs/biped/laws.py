@@ -296,6 +296,12 @@ def hold_aside(row: Array, c: CouplingTerms, point: Vector, before: float, dt: f
 
 
 @njit(cache=True)
+def slips(pushes: Pushes, k: int, i: int, end: float) -> bool:
+    """Whether a sole slips by push i in the physics step that ends then."""
+    return -DUE <= end - pushes.start[k, i] < pushes.duration[k, i] - DUE
+
+
+@njit(cache=True)
 def move_floor(pushes: Pushes, k: int, i: int, now: float, dt: float, heading: float, phys: Physics) -> None:
     """Let a law of the floor act from the end of the coming physics step on, forces of a turn in that step.
 
@@ -304,13 +310,12 @@ def move_floor(pushes: Pushes, k: int, i: int, now: float, dt: float, heading: f
     row, places = pushes.progress[k, i], pushes.places[k, i]
     since = now + dt - pushes.start[k, i]
     if pushes.law[k, i] == GRIPPED:
-        friction, low = row[NOMINAL], -DUE <= since < pushes.duration[k, i] - DUE
+        friction, low = row[NOMINAL], slips(pushes, k, i, now + dt)
         if low or row[LOW] != 0.0:
-            for j in range(pushes.law.shape[1]):  # slips of one sole: the lowest counts
-                if pushes.law[k, j] == GRIPPED and pushes.body[k, j] == pushes.body[k, i]:
-                    passed = now + dt - pushes.start[k, j]
-                    if -DUE <= passed < pushes.duration[k, j] - DUE:
-                        friction = min(friction, pushes.terms[k, j, 0])
+            for j in range(pushes.law.shape[1]):  # of several slips of one sole the lowest counts
+                same = pushes.law[k, j] == GRIPPED and pushes.body[k, j] == pushes.body[k, i]
+                if same and slips(pushes, k, j, now + dt):
+                    friction = min(friction, pushes.terms[k, j, 0])
             for address in ints_at(places[PAIRS], places[COUNT]):
                 pair = floats_at(address, 2)
                 pair[0] = pair[1] = friction

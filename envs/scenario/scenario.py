@@ -217,9 +217,14 @@ class Scenario(JsonRecord):
         return self.kicks + tuple(kick for other in self.disturbances for kick in other.jumps)
 
     @property
+    def floor_shifts(self) -> int:
+        """By how many laws the floor accelerates, of which control knows nothing."""
+        return sum(push.law is not None and push.law.accelerates for push in self.forces)
+
+    @property
     def floor_goes(self) -> bool:
-        """Whether the floor accelerates, of which control knows nothing."""
-        return any(push.law is not None and push.law.accelerates for push in self.forces)
+        """Whether the floor accelerates."""
+        return self.floor_shifts > 0
 
     def end_time(self, last_push_end: float) -> float:
         """Time at which the episode is truncated [s].
@@ -246,7 +251,7 @@ class Scenario(JsonRecord):
                 *map(type, (*self.pushes, *self.kicks, *self.disturbances, *self.errors.terrains)),
                 *((push.body, type(push.law)) for push in forces),
                 *((command.turn != 0.0, command.stand) for command in commands),
-                sum(push.law is not None and push.law.accelerates for push in forces),
+                self.floor_shifts,
                 *self.errors.names, self.errors.delay, *changed_fields(self.physics), self.sensing,
             )
         )  # fmt: skip

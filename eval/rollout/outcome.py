@@ -9,9 +9,19 @@ from typing import Any, Self
 
 import numpy as np
 
-from ...controllers.errors import InvalidValueError, shown
 from ...controllers.model.observation import TRUNK_ANGLE
-from ...controllers.validation import require_integer, require_number, require_pair, require_vector
+from ...controllers.validation import (
+    Check,
+    check_fields,
+    each,
+    or_none,
+    require_integer,
+    require_number,
+    require_pair,
+    require_text,
+    require_truth,
+    require_vector,
+)
 from ...controllers.whole_body.kinematics import NU, NV
 from ...controllers.whole_body.swing import TURN
 from ...envs.biped import env, limits_record
@@ -105,62 +115,6 @@ class Outcome:
         if kick is not None:
             values["kick"] = list(kick)
         return {**values, "measures": measures} if measures else values
-
-
-Check = Callable[[str, Any], object]  # of a name and its value; raises InvalidValueError
-
-
-def require_text(name: str, value: object) -> None:
-    """Raise InvalidValueError unless the value is text."""
-    if not isinstance(value, str):
-        raise InvalidValueError(f"{name} must be text, got {shown(value)}")
-
-
-def require_truth(name: str, value: object) -> None:
-    """Raise InvalidValueError unless the value is True or False."""
-    if not isinstance(value, bool):
-        raise InvalidValueError(f"{name} must be true or false, got {shown(value)}")
-
-
-def require_object(name: str, value: object) -> dict[str, Any]:
-    """The value, a JSON object; raises InvalidValueError otherwise."""
-    if not isinstance(value, dict):
-        raise InvalidValueError(f"{name} must be an object, got {shown(value)}")
-    return value
-
-
-def or_none(check: Check) -> Check:
-    """A check that lets None pass, too."""
-    return lambda name, value: value is None or check(name, value)
-
-
-def each(check: Check) -> Check:
-    """A check of each entry of a JSON object."""
-    return lambda name, value: [
-        check(f"{name}.{key:.60}", one) for key, one in require_object(name, value).items()
-    ]
-
-
-def check_fields(
-    data: object, checks: Mapping[str, Check], optional: Collection[str] = (), name: str = ""
-) -> None:
-    """Check a JSON object that others may have written, field by field.
-
-    Args:
-        data: the object; fields without a check may be anything.
-        checks: by field.
-        optional: fields that it need not have.
-        name: what messages call the object; without one they name its fields alone.
-
-    Raises:
-        InvalidValueError: it is no object, lacks a field, or a field is refused by its check.
-    """
-    known = require_object(name or "it", data)
-    if lacks := [key for key in checks if key not in known and key not in optional]:
-        raise InvalidValueError(f"{name or 'it'} lacks {', '.join(lacks)}")
-    for key, check in checks.items():
-        if key in known:
-            check(f"{name}.{key}" if name else key, known[key])
 
 
 FIELDS: dict[str, Check] = {  # of a row

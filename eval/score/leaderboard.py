@@ -14,24 +14,24 @@ from typing import Any
 
 from ...controllers.errors import InvalidValueError, shown
 from ...controllers.files import write_text
-from ...controllers.validation import parse_json, require_integer, require_number, require_pair
+from ...controllers.validation import (
+    Check,
+    check_fields,
+    or_none,
+    parse_json,
+    require_integer,
+    require_number,
+    require_object,
+    require_pair,
+    require_text,
+)
 from ...envs.biped.limits_record import LimitsReport
 from ...envs.scenario.scenario import Scenario
 from ..output import progress, tables
 from ..output.rows import differing, read_content, read_json
 from ..rollout import DEFAULT_ENV, environments, policy_source
 from ..rollout.load_policy import is_attribute
-from ..rollout.outcome import (
-    Check,
-    Ending,
-    Outcome,
-    Score,
-    check_fields,
-    check_row,
-    or_none,
-    require_object,
-    require_text,
-)
+from ..rollout.outcome import Ending, Outcome, Score, check_row
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .evaluate import FORMAT, configuration
 from .suites import OF_ROBOT, SUITES, Suite, get_suite, with_profile
