@@ -2,7 +2,8 @@
 
 A model is known by its content, that of its own file and of all that it names: includes, meshes, textures,
 height fields, models that it attaches. Names are taken as MuJoCo takes them, beside the file that names them
-or in the compiler's folders; links are followed for what they hold, and never replaced by what they point to.
+or in the compiler's folders, and those of packages of ROS as ROS does (package://NAME/PATH); links are
+followed for what they hold, and never replaced by what they point to.
 """
 
 from __future__ import annotations
@@ -61,9 +62,22 @@ def read_model(model: str) -> mujoco.MjSpec:
     mujoco.mj_clearCache(mujoco.mj_getCache())  # knows a mesh by its path and the second of its last change
     try:
         with unwarned():
-            return mujoco.MjSpec.from_file(str(path))
+            spec = mujoco.MjSpec.from_file(str(path))
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise InvalidValueError(f"MuJoCo cannot read the model {model!r}: {in_a_line(error)}") from error
+    for part in (*spec.meshes, *spec.textures):
+        if found := packaged_file(part.file, path):
+            part.file = str(found)
+    return spec
+
+
+def packaged_file(name: str, model: Path) -> Path | None:
+    """The file package://NAME/PATH of the nearest package that a model lies in or beside; None: no such."""
+    inside = name.removeprefix(PACKAGE)
+    if inside == name:
+        return None
+    places = (folder / inside for folder in model.absolute().parents)
+    return next(filter(is_file, places), None)
 
 
 @contextmanager
@@ -84,6 +98,7 @@ def in_a_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
+PACKAGE = "package://"  # begins the name of a file in a package of ROS
 FOLDERS = "meshdir", "texturedir", "assetdir"  # of the compiler of a model
 NAMING = "file", "filename"  # attributes of MJCF and URDF; of a cube's textures there are six more
 FACES = tuple(f"file{face}" for face in ("right", "left", "up", "down", "front", "back"))
@@ -125,6 +140,9 @@ def named_files(path: Path) -> dict[tuple[str, str], Path]:
                     if key not in found:
                         found[key] = place
                         waiting.append(place)
+    for _, name in named:
+        if place := packaged_file(name, path):
+            found.setdefault((name, os.path.relpath(place, path.parent)), place)
     for (folder, name), inside in product(named, sorted(folders)):
         for called in dict.fromkeys((name, Path(name).name)):  # URDF: without its folders
             for place in (folder / inside / called, path.parent / inside / called):

@@ -15,6 +15,7 @@ from push_recovery.envs.robots.adapt import load_robot
 from push_recovery.envs.robots.compiled_robot import compiled_robot
 from push_recovery.envs.robots.description import robot_description
 from push_recovery.envs.robots.robot_file import read_robot_file, write_robot_file
+from push_recovery.envs.robots.source_model import compiled
 
 
 @pytest.fixture
@@ -192,6 +193,39 @@ def test_a_mesh_that_changes_within_a_second_is_read_again(pieces, tmp_path):
         os.utime(tmp_path / "meshes" / "sole.obj", (1e9, 1e9))
         sizes.append(np.ptp(model_place.read_model(str(tmp_path / "whole.xml")).compile().mesh_vert))
     assert sizes[0] != sizes[1]
+
+
+URDF = (
+    '<robot name="r"><link name="a"><collision><geometry><mesh filename="package://soles/meshes/sole.obj"/>'
+    "</geometry></collision></link></robot>"
+)
+
+
+@pytest.mark.parametrize("beside", ["soles", "legs"])
+@pytest.mark.parametrize("deep", ["urdf", "urdf/rev_1"])
+def test_meshes_of_packages_of_ros_are_found_and_their_changes_noticed(tmp_path, beside, deep):
+    """In the package that the model lies in, and in one beside it; the nearest one where there are two."""
+    mesh = tmp_path / "src" / "soles" / "meshes" / "sole.obj"
+    model = tmp_path / "src" / beside / deep / "robot.urdf"
+    for path, content in (
+        (mesh, CORNERS.replace("1 0 0", "5 0 0")), (model, URDF),
+        (tmp_path / "soles" / "meshes" / "sole.obj", CORNERS),
+    ):  # fmt: skip
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(content)
+    before = model_place.model_digest(str(model))
+    assert np.ptp(model_place.read_model(str(model)).compile().mesh_vert) > 4.0
+    mesh.write_text(CORNERS)
+    assert model_place.model_digest(str(model)) != before
+
+
+def test_a_mesh_of_a_package_that_is_nowhere_is_named(tmp_path):
+    (tmp_path / "robot.urdf").write_text(URDF)
+    spec = model_place.read_model(str(tmp_path / "robot.urdf"))
+    with pytest.raises(
+        InvalidValueError, match=r"^MuJoCo cannot compile the model 'robot'.*soles/meshes/sole\.obj"
+    ):
+        compiled(spec, "robot")
 
 
 def test_a_large_file_is_read_again_when_it_changes(tmp_path, monkeypatch):
