@@ -64,7 +64,8 @@ def add_collisions(spec: mujoco.MjSpec, robot: CompiledRobot) -> None:
     The robot's own model has contacts of the soles, and of feet and shanks with one another, as explicit
     pairs, which stay as they are. Shapes of a body and of its parent in the tree never meet, as MuJoCo has
     it, and neither do those that touch while the robot stands: shapes that collide are rounder than the
-    robot, and are in each other about its joints.
+    robot, and are in each other about its joints. So are a foot and its own shank at the ends of the ankle's
+    ranges, which alone keep them apart, whether the ankle's two axes have a link between them or not.
     """
     soles = robot.plan.sole_boxes
     feet = {spec.geom(name).parent.name for name in soles}
@@ -74,7 +75,8 @@ def add_collisions(spec: mujoco.MjSpec, robot: CompiledRobot) -> None:
             continue
         geom.contype = geom.conaffinity = COLLIDES
         geom.solref = pair.solref  # as hard as the soles
-    for first, second in touching(robot, robot.compiled(spec)):
+    ankles = (tuple(robot.model.body(part).name for part in leg[1:]) for leg in robot.indices.links)
+    for first, second in sorted({*ankles, *touching(robot, robot.compiled(spec))}):
         spec.add_exclude(bodyname1=first, bodyname2=second)
 
 
