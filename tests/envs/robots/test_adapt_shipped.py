@@ -10,9 +10,11 @@ from gymnasium.utils.env_checker import check_env
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.controllers.whole_body.kinematics import KNEE, sole_position
 from push_recovery.envs.biped.env import BipedEpisodes
+from push_recovery.envs.biped.model_errors import altered_model
 from push_recovery.envs.robots.compiled_robot import compiled_robot
 from push_recovery.envs.robots.description import robot_description
 from push_recovery.envs.robots.model_files import PACKAGES
+from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 
@@ -152,3 +154,25 @@ def test_its_posture_stands_on_both_soles(name):
         assert abs(data.site_xpos[site, 2]) < 1e-9
         np.testing.assert_allclose(data.site_xmat[site].reshape(3, 3), np.eye(3), atol=1e-8)
     assert data.subtree_com[0, 2] == pytest.approx(body.robot.com_height, abs=1e-9)
+
+
+@pytest.mark.parametrize("roll", [-0.2618, 0.2618])
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_g1_bends_its_ankles_as_far_as_they_go_where_legs_collide(side, roll):
+    """A link lies between foot and shank, so that MuJoCo does not take one for the other's parent."""
+    body = compiled_robot(robot_description("g1"))
+    model = altered_model(body, ModelErrors(collisions=True))
+    assert model is not None
+    data = mujoco.MjData(model)
+    data.qpos[:] = body.in_reference_posture().qpos
+    data.qpos[2] += 1.0
+    data.joint(f"{side}_ankle_pitch_joint").qpos[0] = model.joint(f"{side}_ankle_pitch_joint").range[0]
+    data.joint(f"{side}_ankle_roll_joint").qpos[0] = roll
+    mujoco.mj_forward(model, data)
+    assert not data.ncon
+    data.qpos[:] = body.in_reference_posture().qpos
+    data.joint(f"{side}_hip_roll_joint").qpos[0] = -0.3 if side == "left" else 0.3
+    mujoco.mj_forward(model, data)
+    met = {tuple(sorted(model.body(model.geom_bodyid[g]).name for g in one.geom)) for one in data.contact}
+    other = "right" if side == "left" else "left"
+    assert tuple(sorted((f"{side}_ankle_roll_link", f"{other}_knee_link"))) in met
