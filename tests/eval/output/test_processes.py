@@ -1,7 +1,6 @@
 """Worker processes, here and on Ray: the same results, whatever becomes of them, and clear errors."""
 
 import multiprocessing
-import os
 import signal
 import subprocess
 import sys
@@ -21,9 +20,7 @@ from push_recovery.eval.rollout.workers import installation, named_files, same_i
 from push_recovery.eval.score.evaluate import evaluate
 from push_recovery.eval.score.suites import Suite, get_suite
 from push_recovery.eval.tuning.pushes import PENDULUM, Scorer
-
-needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="the extra ray is not installed")
-
+from worker_jobs import add, base, complain, die, die_once, end, refuse, rest
 
 SUITE = Suite("head", "1", get_suite("standard").scenarios[:16])
 MORTAL = """
@@ -46,60 +43,10 @@ class Mortal:
 """
 
 
-def base(number):
-    if number < 0:
-        raise ValueError(f"no state from {number}")
-    return number
-
-
-def complain(state, job):
-    raise InvalidValueError(f"no push at {job}")
-
-
-def add(state, job):
-    if job < 0:
-        raise KeyError("no such thing")
-    return state + job
-
-
-def refuse(state, job):
-    return lambda: job  # which can't be handed back
-
-
-def end(state, job):
-    os._exit(3)
-
-
-def rest(state, seconds):
-    time.sleep(seconds)
-
-
-def die_once(state, job):
-    number, flag = job
-    if number == 3 and not flag.exists():
-        flag.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return state + number
-
-
-def die(state, job):
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
-@pytest.fixture
-def here(monkeypatch):
-    """Spawned processes find this module by its name."""
-    monkeypatch.syspath_prepend(str(Path(__file__).parent))
-    monkeypatch.setitem(sys.modules, Path(__file__).stem, sys.modules[__name__])
-    for work in (base, add, refuse, end, rest, die_once, die):
-        monkeypatch.setattr(work, "__module__", Path(__file__).stem)
-
-
 def workers_here():
     return [child for child in multiprocessing.active_children() if child.name.startswith("Spawn")]
 
 
-@pytest.mark.usefixtures("here")
 def test_results_come_with_the_numbers_of_their_jobs():
     with WorkerPool(2, base, 10) as pool:
         for jobs in (range(7), (), range(3)):
@@ -109,7 +56,6 @@ def test_results_come_with_the_numbers_of_their_jobs():
     assert [worker.exitcode for worker in workers] == [0, 0]
 
 
-@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize(
     ("number", "task", "job", "words"),
     [
@@ -126,7 +72,6 @@ def test_errors_are_told_in_the_words_of_the_worker(number, task, job, words):
         list(pool.run(task, [job]))
 
 
-@pytest.mark.usefixtures("here")
 def test_a_worker_at_work_is_not_waited_for():
     with WorkerPool(2, base, 0) as pool:
         results = pool.run(rest, [0, 1000])
@@ -137,7 +82,6 @@ def test_a_worker_at_work_is_not_waited_for():
     assert not any(worker.is_alive() for worker in workers)
 
 
-@pytest.mark.usefixtures("here")
 def test_it_works_in_a_thread():
     def work():
         with WorkerPool(1, base, 1) as pool:
@@ -149,13 +93,13 @@ def test_it_works_in_a_thread():
 
 PARENT = """
 import sys
-sys.path[:0] = sys.argv[1:]
-import test_processes
+sys.path.insert(0, sys.argv[1])
+import worker_jobs
 from push_recovery.eval.output.processes import WorkerPool
 if __name__ == "__main__":
-    pool = WorkerPool(2, test_processes.base, 0)
-    print(*pool.run(test_processes.rest, [0, 0]), flush=True)
-    list(pool.run(test_processes.rest, [1000, 1000]))
+    pool = WorkerPool(2, worker_jobs.base, 0)
+    print(*pool.run(worker_jobs.rest, [0, 0]), flush=True)
+    list(pool.run(worker_jobs.rest, [1000, 1000]))
 """
 
 
@@ -163,9 +107,8 @@ if __name__ == "__main__":
 def test_workers_end_with_the_process_that_started_them(tmp_path, sent):
     script = tmp_path / "parent.py"
     script.write_text(PARENT)
-    folders = map(str, Path(__file__).parents[:2])
     parent = subprocess.Popen(
-        [sys.executable, str(script), *folders], stdout=subprocess.PIPE, text=True,
+        [sys.executable, str(script), str(Path(__file__).parents[1])], stdout=subprocess.PIPE, text=True,
         preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),  # which nohup ignores
     )  # fmt: skip
     assert parent.stdout is not None
@@ -186,7 +129,6 @@ def workers():
     ray.shutdown()
 
 
-@pytest.mark.usefixtures("here")
 def test_a_cluster_gives_the_same_results_and_errors_whatever_becomes_of_a_worker(
     workers, tmp_path, monkeypatch, capfd
 ):
