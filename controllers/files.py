@@ -11,12 +11,13 @@ from pathlib import Path
 LARGEST = 2**30  # of a file that is read as a whole [bytes]
 
 
-def write_atomically(path: Path, content: bytes) -> None:
+def write_atomically(path: str | Path, content: bytes) -> None:
     """Write a file whole or not at all: to a temporary neighbour first, then renamed.
 
     Content and name are on disk when this returns. A link in the place of that neighbour is removed, never
     followed.
     """
+    path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     temporary.unlink(missing_ok=True)
@@ -43,7 +44,7 @@ def sync_names(directory: Path) -> None:
             os.close(number)
 
 
-def write_text(path: Path, text: str) -> None:
+def write_text(path: str | Path, text: str) -> None:
     """Write a text file whole or not at all."""
     write_atomically(path, text.encode())
 

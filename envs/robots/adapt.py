@@ -303,9 +303,19 @@ def _description(robot: RobotFile, digest: str) -> RobotDescription:
 
 
 def whole_robot(robot: RobotFile) -> RobotDescription:
-    """The robot of a file with its fixed joints free, but for those that follow others, such as fingers."""
-    coupled = chain.from_iterable(one.joints for one in read_source(robot.model).couplings)
-    return replace(description_of(robot.unfixed(set(coupled))), whole=None)
+    """The robot of a file with its fixed joints free, but for those that no motor of its own can drive.
+
+    Those follow others, such as fingers, are no hinges, or have no largest torque.
+    """
+    source = read_source(robot.model)
+    names = [source.name(joint) for joint in source.joints]
+    kept = set(chain.from_iterable(one.joints for one in source.couplings))
+    for joint, name in zip(source.joints, names, strict=True):
+        stated = motor_of_file(robot, name, names).torque
+        torque = source.torques.get(name) if stated is None else stated
+        if source.model.jnt_type[joint] != HINGE or not torque:
+            kept.add(name)
+    return replace(description_of(robot.unfixed(kept)), whole=None)
 
 
 def load_robot(path: str | Path) -> RobotDescription:

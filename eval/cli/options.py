@@ -7,9 +7,10 @@ What is slow to load is imported by the functions that need it, so that `--help`
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -122,6 +123,34 @@ class JsonOption(Options):
             table.print()
         for line in lines:
             print(line)
+
+
+ARCHIVE = ".zip"  # of Stable-Baselines3
+ARCHIVES = "...training.model_policy"  # a package after this one, which is loaded only where it is needed
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrustOption(Options):
+    """Whether policies may be files that run code when they are loaded."""
+
+    trust: Flag = False
+    """Take archives of Stable-Baselines3 (FILE.zip) and networks in TorchScript as policies: loading one runs
+    the code that is in it, as you (docs/reliability.md). An archive does not show wrappers of its training
+    that keep both spaces."""
+
+    def trusted(self, policies: Sequence[str]) -> list[Any]:
+        """The policies, those that may run code under their label; without trust they stay, to be refused."""
+        from ..rollout.contract import Trusted, is_contract
+
+        if not self.trust:
+            return list(policies)
+
+        def one(name: str) -> Any:
+            if name.endswith(ARCHIVE):
+                return {name: import_module(ARCHIVES, __package__).ArchivePolicy.of(name)}
+            return {name: Trusted(name)} if is_contract(name) else name
+
+        return [one(name) for name in policies]
 
 
 @dataclass(frozen=True, kw_only=True)

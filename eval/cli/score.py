@@ -4,7 +4,6 @@ import json
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,42 +13,22 @@ from ...controllers.errors import InvalidValueError, shown
 from ..output.tables import named_apart, stem_or_hash
 from ..rollout import TABLE_VARIANTS
 from . import options
-from .options import Count, CountOrNone, EnvOptions, Flag, Policies, Real, RunningOptions, SuiteName, within
+from .options import Count, CountOrNone, EnvOptions, Policies, Real, RunningOptions, SuiteName, within
 
-ARCHIVE = ".zip"
-LOADER = "...training.model_policy"  # a package after this one, which is loaded only where it is needed
 DEFAULT_TEXT = f"{options.SUITES_TEXT} By default quick, and on the pendulum, which does not turn, quick-1."
 PROFILES_TEXT = f"{options.PROFILE_TEXT} Several profiles are shown side by side."
 
 
 @dataclass(frozen=True, kw_only=True)
-class SuiteOptions(options.EnvOptions, options.ErrorOptions, options.RunningOptions):
+class SuiteOptions(options.EnvOptions, options.ErrorOptions, options.TrustOption, options.RunningOptions):
     """Options of a command that runs policies on a suite."""
 
     suite: Annotated[str | None, arg(metavar="NAME|FILE", help=DEFAULT_TEXT, help_behavior_hint="")] = None
-    trust: Flag = False
-    """Take archives of Stable-Baselines3 (FILE.zip) and networks in TorchScript as policies: loading one runs
-    the code that is in it, as you (docs/reliability.md). An archive does not show wrappers of its training
-    that keep both spaces."""
     film: Annotated[Literal["discordant"] | None, arg(metavar="discordant", help_behavior_hint="")] = None
     """Film the pushes that one policy recovers from and another does not, side by side, as GIF
     and mp4."""
     films: Count = field(default=4, metadata=options.within(1))
     """Largest number of pushes that are filmed."""
-
-    def trusted(self, policies: Sequence[str]) -> list[Any]:
-        """The policies, those that may run code under their label; without trust they stay, to be refused."""
-        from ..rollout.contract import Trusted, is_contract
-
-        if not self.trust:
-            return list(policies)
-
-        def one(name: str) -> Any:
-            if name.endswith(ARCHIVE):
-                return {name: import_module(LOADER, __package__).ArchivePolicy.of(name)}
-            return {name: Trusted(name)} if is_contract(name) else name
-
-        return [one(name) for name in policies]
 
     def check_film(self) -> None:
         """Raise MissingExtraError before any work where films are asked for and can't be written."""
@@ -156,7 +135,7 @@ class Compare(SuiteOptions, options.RobotOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frontier(EnvOptions, options.PushOptions, RunningOptions):
+class Frontier(EnvOptions, options.PushOptions, options.TrustOption, RunningOptions):
     """Find the largest push that is recovered from, by direction."""
 
     policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE", aliases=("--policy",))] = ("two-stage",)
@@ -175,8 +154,9 @@ class Frontier(EnvOptions, options.PushOptions, RunningOptions):
         from ..score import frontier as scan
 
         settings = self.scanned(self.env_id, grid=self.grid or scan.default_grid(self.env_id, self.replicas))
+        policies = self.trusted(self.policies)
         found = scan.frontier(
-            settings, self.policies, self.directions, self.processes, self.directory, self.overwrite
+            settings, policies, self.directions, self.processes, self.directory, self.overwrite
         )
         objects = {name: found.to_dict(name) for name in found.rows}
         content = next(iter(objects.values())) if len(objects) == 1 else {"policies": objects}

@@ -16,7 +16,7 @@ MOST = {"kick": 200, "tour": 3000}  # from there on run ids are of pushes for tu
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProtocolCommand(EnvOptions, RunningOptions):
+class ProtocolCommand(EnvOptions, options.TrustOption, RunningOptions):
     """Run policies under the push protocol of another group; its published rows stand beside them."""
 
     protocol: Positional[Literal["kick", "tour"]]
@@ -76,9 +76,8 @@ class ProtocolCommand(EnvOptions, RunningOptions):
         asked = asked.with_collisions() if self.collisions else asked
         asked = asked.standing() if self.stand else asked
         asked = asked if self.punches else asked.unpushed()
-        found = run.run_protocol(
-            asked, self.env_id, self.policies, self.processes, self.directory, self.overwrite
-        )
+        policies = self.trusted(self.policies)
+        found = run.run_protocol(asked, self.env_id, policies, self.processes, self.directory, self.overwrite)
         lines = [f"report: {report.write_protocol_reports(found)}"]
         self.show(report.to_dict(found), report.result_tables(found)[:1], lines)
 
@@ -199,7 +198,8 @@ class PolicyCommand(JsonOption):
     set: Annotated[tuple[str, ...] | None, arg(metavar="FIELD=VALUE", help_behavior_hint="")] = None
     """Fields of the contract, as YAML, above what the files say."""
     out: options.FileName = None
-    """CONTRACT.yaml to write, which evaluate and all other commands take as a policy."""
+    """CONTRACT.yaml to write, which evaluate and all other commands take as a policy; of check, with the
+    change that mends it, if there is one."""
     robot: Annotated[
         str | None, arg(metavar="NAME|FILE", help_behavior_hint="(default: the one with its joints)")
     ] = None
@@ -221,12 +221,18 @@ class PolicyCommand(JsonOption):
         lines = [f"note: {note}" for note in contract.notes]
         if self.out is not None:
             require_place(Path(self.out))
-            contract.write(Path(self.out))
-            lines.append(f"contract: {self.out}")
         if self.action == "inspect":
+            lines += self._written(contract)
             self.show(contract.contract.to_dict(), [_contract_table(contract)], lines)
         else:
             self._check(contract, lines)
+
+    def _written(self, contract: Any) -> list[str]:
+        """Write a contract where that is asked for, and say so."""
+        if self.out is None:
+            return []
+        contract.write(Path(self.out))
+        return [f"contract: {self.out}"]
 
     def _check(self, contract: Any, lines: list[str]) -> None:
         from ..output.tables import Table
@@ -243,7 +249,8 @@ class PolicyCommand(JsonOption):
         ]  # fmt: skip
         columns = ("control", "command [m/s, m/s, rad/s]", "fell at [s]", "measured", "moved [m]", "passed")
         repair = found.repair
-        why = "it stands and walks as commanded" if found.passed else "no single change helps"
+        why = "it stands and walks as commanded" if found.passed else "none of the changes tried helps"
+        lines += self._written(contract if repair is None else repair.contract)
         if repair is not None:
             why = f"{repair.field}, {repair.what}, and it passes every control"
         content = {"robot": robot, "verdict": found.verdict, "passed": found.passed,

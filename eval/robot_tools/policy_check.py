@@ -3,8 +3,8 @@
 An unpushed control stands and walks five commands. Where it falls or goes astray, contracts that differ from
 the one given in a single thing, as adapters usually do, are tried: two joints exchanged, a scale off by a
 usual factor, a clock that stands or has another period, gravity or the command with another sign. If one of
-them passes the whole control, the contract is at fault there; if none does, the policy is weak, or wrong in
-more than one thing.
+them passes the whole control, the contract is at fault there; if none does, the policy is weak, or the fault
+is none of those that were tried, such as a gain, an angle of the default pose, or two faults at once.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from ...controllers.errors import InvalidValueError, PushRecoveryError
+from ...controllers.errors import InvalidValueError, MissingExtraError, PushRecoveryError
 from ...envs.joint.full_body import FullBodyEnv, driven, joint_names
 from ...envs.robots.compiled_robot import compiled_robot
 from ...envs.robots.description import robot_description
 from ...envs.scenario.scenario import Command, Scenario
 from ..rollout.contender import Contender
-from ..rollout.contract import GROUP, NAMES, SCALE, PolicyContract
+from ..rollout.contract import NAMES, SCALE, TERMS, PolicyContract
 from ..rollout.episodes import rollout
 
 SECONDS = 10.0  # of a control
@@ -45,14 +45,21 @@ def robot_of(contract: PolicyContract) -> str:
     """The robot that has all joints of a contract, of those that come with the package.
 
     Raises:
+        MissingExtraError: none of those whose models are installed has.
         InvalidValueError: there is none.
     """
+    missing = None
     for name in ROBOTS:
         try:
             contract.present(joint_names(compiled_robot(driven(name))))
+        except MissingExtraError as error:
+            missing = error
+            continue
         except PushRecoveryError:
             continue
         return name
+    if missing is not None:
+        raise missing
     raise InvalidValueError(
         f"none of {', '.join(ROBOTS)} has the joints of policy {contract.name!r}, such as "
         f"{contract.joints[0]!r}; name the robot with --robot"
@@ -138,7 +145,8 @@ class Repair:
     contract: PolicyContract
 
 
-FACTORS = (2.0, 0.5, 4.0, 0.25, 5.0, 0.2, 10.0, 0.1, 20.0, 0.05)
+DEGREES = 180.0 / np.pi
+FACTORS = (2.0, 0.5, 4.0, 0.25, 5.0, 0.2, 10.0, 0.1, 20.0, 0.05, DEGREES, 1.0 / DEGREES)
 PERIODS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2)
 
 
@@ -150,26 +158,27 @@ def repairs(given: PolicyContract) -> Iterator[Repair]:
         change(other)
         return Repair(field, what, replace(given, contract=other))
 
-    terms = given.get(f"{GROUP}.terms")
+    terms = given.get(TERMS)
 
     def scale(i: int, factor: float) -> Callable[[Any], None]:
         def change(c: Any) -> None:
-            term = c.get(f"{GROUP}.terms")[i]
+            term = c.get(TERMS)[i]
             term["scale"] = (factor * np.broadcast_to(term["scale"], term["dim"])).tolist()
 
         return change
 
     def parameter(i: int, key: str, value: Any) -> Callable[[Any], None]:
         def change(c: Any) -> None:
-            c.get(f"{GROUP}.terms")[i].setdefault("params", {})[key] = value
+            c.get(TERMS)[i].setdefault("params", {})[key] = value
 
         return change
 
+    fields = [f"{TERMS}.{term.get('source_name') or term['id']}" for term in terms]
     for i, term in enumerate(terms):
         if term["id"] not in ("projected_gravity", "last_action") and "phase" not in term["id"]:
             for factor in FACTORS:
-                yield changed(f"{GROUP}.terms.{term['id']}.scale", f"times {factor:g}", scale(i, factor))
-        yield changed(f"{GROUP}.terms.{term['id']}.scale", "with the other sign", scale(i, -1.0))
+                yield changed(f"{fields[i]}.scale", f"times {factor:g}", scale(i, factor))
+        yield changed(f"{fields[i]}.scale", "with the other sign", scale(i, -1.0))
     clocks = [i for i, term in enumerate(terms) if "phase" in term["id"]]
     for period in PERIODS if clocks else ():
 
@@ -177,7 +186,7 @@ def repairs(given: PolicyContract) -> Iterator[Repair]:
             for i in clocks:
                 parameter(i, "period", period)(c)
 
-        yield changed(f"{GROUP}.terms.{terms[clocks[0]]['id']}.period", f"{period:g} s", tick)
+        yield changed(f"{fields[clocks[0]]}.params.period", f"{period:g} s", tick)
     for factor in FACTORS:
 
         def act(c: Any, factor: float = factor) -> None:
@@ -228,7 +237,7 @@ class Diagnosis:
             return "works"
         if self.repair is not None:
             return "contract at fault"
-        return "weak policy, or a contract that is wrong in more than one thing"
+        return "weak policy, or a fault of its contract that was not tried"
 
 
 def diagnose(contract: PolicyContract, controls: Controls) -> Diagnosis:

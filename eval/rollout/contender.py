@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from ...controllers.errors import InvalidValueError, MissingExtraError
 from ...envs.joint import full_body
-from .contract import LIMITS, OFFSET, POSE, SCALE, PolicyContract, gaitkeeper
+from .contract import AXES, LIMITS, NAMES, OFFSET, POSE, SCALE, TERMS, PolicyContract, gaitkeeper
 
 Array = NDArray[np.float64]
-AXES = ("vx", "vy", "wz")  # of a command
 
 
 class Episode:
@@ -103,21 +102,43 @@ class Contender:
         if self._script and not trusted:
             raise InvalidValueError(
                 f"policy {contract.name!r} has a network in TorchScript, and loading one may run its code: "
-                "where you trust it, evaluate, compare and policy check take --trust"
+                "where you trust it, evaluate, compare, frontier, protocol and policy check take --trust"
             )
         self._shared, self._turned = self._load(), gaitkeeper("terms").quat_to_mat
+        if self._script:
+            self._check_script()
 
     def _load(self) -> Any:
         if self._script:
             return TorchScript(str(self.contract.network))
         return gaitkeeper("policy").load_policy(self.contract.contract, self.contract.network)
 
+    def _check_script(self) -> None:
+        """Raise InvalidValueError for a network in TorchScript that the contract does not fit."""
+        row, contract = np.zeros(full_body.ANGLES + 2 * self._size), self.contract
+        row[full_body.QUATERNION][0] = 1.0
+        episode = Episode(contract.contract, self._shared, len(self._scale))
+        seen = self.observe(episode, row, np.zeros(3))
+        try:
+            answer = np.atleast_1d(self._load().step(seen))
+        except (RuntimeError, IndexError) as error:
+            raise InvalidValueError(
+                f"{TERMS} of policy {contract.name!r} has {len(seen)} numbers, which its network does not "
+                f"take: {str(error).strip().splitlines()[-1]}"
+            ) from error
+        if answer.shape != (len(contract.joints),):
+            raise InvalidValueError(
+                f"{NAMES} of policy {contract.name!r} has {len(contract.joints)} joints, the network gives "
+                f"{answer.size} numbers"
+            )
+
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[NDArray[np.float32], tuple[NDArray[np.object_]]]:
         """Actions (n, M) for observations (n, 13 + 2 M), or (M,) for one; and what it remembers."""
         seen = np.atleast_2d(observation)
-        begins = np.ones(len(seen), bool) if state is None else np.atleast_1d(episode_start)
+        begins = np.zeros(len(seen), bool) if episode_start is None else np.atleast_1d(episode_start)
+        begins = begins | (state is None)
         kept = np.empty(len(seen), object) if state is None else state[0]
         actions = np.zeros((len(seen), self._size), np.float32)
         for i, row in enumerate(seen):

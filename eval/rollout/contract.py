@@ -20,6 +20,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -46,17 +47,22 @@ NETWORKS = (".onnx", ".pt", ".jit")  # of ONNX and TorchScript
 SUFFIXES = (*NETWORKS, ".yaml", ".yml")
 REACH = 2.0 * np.pi  # of an action of 1, far enough for a motor's full torque [rad]
 GROUP = "policy_io.observation_groups.policy"
+TERMS = f"{GROUP}.terms"
 NAMES, POSE, RATE = "policy_io.joints.names", "control.default_joint_pos", "timing.policy_dt"
 SCALE, OFFSET = "control.actions.joint_pos.scale", "control.actions.joint_pos.offset"
 STIFFNESS, DAMPING = "control.actuators.kp", "control.actuators.kd"
 EFFORT, LIMITS = "model.effort_limit", "policy_io.commands.base_velocity.limit"
 G1_MOTORS = 29
+AXES = ("vx", "vy", "wz")  # of a command
 ABSENT = "control.absent"  # joints of the contract that the robot may lack: they count as in the default pose
 NETWORK = "source.network"
 CLIP, UNLISTED = "control.actions.joint_pos.clip", "control.unlisted"
+WEIGHTS = re.compile(
+    rb"\n\x08location\x12(.)", re.DOTALL
+)  # in ONNX, before the name of a file and its length
 FIXED = ("schema", NETWORK)  # fields that the file alone has
 OF_EACH_JOINT = (POSE, SCALE, OFFSET, STIFFNESS, DAMPING)
-NEEDED = (RATE, NAMES, f"{GROUP}.terms", *OF_EACH_JOINT)
+NEEDED = (RATE, NAMES, TERMS, *OF_EACH_JOINT)
 
 
 def gaitkeeper(module: str) -> Any:
@@ -200,8 +206,22 @@ class PolicyContract:
         return Servos((*joints, *others), posture, stiffness, damping, torque, REACH)
 
     def digest(self) -> str:
-        """SHA-256 of what the rows of the policy hang on: contract and network."""
-        return hashlib.sha256(self.contract.dump().encode() + b"\0" + read_file(self.network)).hexdigest()
+        """SHA-256 of what the rows of the policy hang on: contract and all files of the network."""
+        return hashlib.sha256(self.contract.dump().encode() + b"\0" + self.content()).hexdigest()
+
+    def content(self) -> bytes:
+        """What the network's file holds, and after it the files that it needs beside it.
+
+        Those are the networks of a contract that switches between two, and the weights that an ONNX file
+        keeps in a file of their own and names by its place.
+        """
+        content, several = read_file(self.network), self.get("policy_io.graph.switch") or {}
+        named = {Path(str(several[key])).name for key in ("above", "below") if key in several}
+        for entry in WEIGHTS.finditer(content):
+            named.add(content[entry.end() : entry.end() + entry[1][0]].decode(errors="replace"))
+        beside = (self.network.parent / name for name in sorted(named) if name.isprintable())
+        more = (file for file in beside if file.is_file() and file.name != self.network.name)
+        return b"\0".join([content, *map(read_file, more)])
 
     def write(self, path: Path) -> None:
         """Write the contract as CONTRACT.yaml; it names its network by a path from there, and by its hash."""
@@ -209,7 +229,8 @@ class PolicyContract:
         network = self.network.resolve()
         where = path.resolve().parent
         inside = network.relative_to(where) if network.is_relative_to(where) else network
-        kept.set(NETWORK, {"path": str(inside), "sha256": _sha256(network)}, "file", "policy inspect")
+        digest = hashlib.sha256(self.content()).hexdigest()
+        kept.set(NETWORK, {"path": str(inside), "sha256": digest}, "file", "policy inspect")
         write_text(path, kept.dump())
 
 
@@ -240,7 +261,10 @@ def read_contract(name: str, changes: Mapping[str, Any] | None = None) -> Policy
                 f"{key!r} of policy {name!r} is what its files say and takes no other value"
             )
         try:
-            contract.set(key, value, "user", "--set")
+            if key.startswith(f"{TERMS}."):
+                _set_in_term(contract, *key.removeprefix(f"{TERMS}.").split(".", 1), value=value)
+            else:
+                contract.set(key, value, "user", "--set")
         except KeyError as error:
             raise InvalidValueError(f"{key!r} is no field of a contract: {error}") from error
         except (AttributeError, TypeError) as error:
@@ -255,6 +279,34 @@ def read_contract(name: str, changes: Mapping[str, Any] | None = None) -> Policy
             f"a field of the contract of policy {name!r} has a value of the wrong kind: {error}"
         ) from error
     return found
+
+
+def _set_in_term(contract: Any, name: str, key: str = "", *, value: Any) -> None:
+    """Set scale, clip or a parameter (`params.NAME`) of a term, named as `fields_of` has it.
+
+    Raises:
+        KeyError: no such term, or nothing of it that may be set.
+        InvalidValueError: a scale that is neither a number nor one for each of its numbers.
+    """
+    terms = contract.get(TERMS)
+    term = next((term for term in terms if name == (term.get("source_name") or term["id"])), None)
+    kind, _, parameter = key.partition(".")
+    if term is None:
+        raise KeyError(f"{TERMS}.{name}")
+    if kind == "params" and parameter:
+        term.setdefault("params", {})[parameter] = value
+    elif key == "clip":
+        term["clip"] = value
+    elif key == "scale":
+        scale = value if isinstance(value, list) else [value] * int(term["dim"])
+        if len(scale) != int(term["dim"]) or not all(map(is_finite_number, scale)):
+            raise InvalidValueError(
+                f"{TERMS}.{name}.scale must be a number, or one for each of {term['dim']}, not {shown(value)}"
+            )
+        term["scale"] = scale
+    else:
+        raise KeyError(f"{TERMS}.{name}.{key}")
+    contract.set(TERMS, terms, "user", f"--set {name}.{key}")
 
 
 def changes_of(words: Sequence[str]) -> dict[str, Any]:
@@ -318,7 +370,8 @@ def _read(path: Path) -> tuple[Any, Path, tuple[str, ...]]:
         return _of_contract(path, content)
     if "joint_ids_map" in content:
         network = _beside(path, "", "../exported")
-        contract, findings = gaitkeeper("readers.unitree_deploy").read_unitree_deploy(path, network)
+        graph = network if network.suffix == ".onnx" else None
+        contract, findings = gaitkeeper("readers.unitree_deploy").read_unitree_deploy(path, graph)
         notes = _noticed(contract, findings)
         if (motors := len(content["stiffness"])) < G1_MOTORS:
             notes += (f"it lists {motors} motors and is read as a G1's, which has {G1_MOTORS}",)
@@ -383,7 +436,8 @@ def _of_contract(path: Path, content: dict[str, Any]) -> tuple[Any, Path, tuple[
     network = path.parent / source["path"]
     if not network.is_file():
         raise InvalidValueError(f"there is no network {str(network)!r}, which {NETWORK} names")
-    if _sha256(network) != source["sha256"]:
+    content = PolicyContract(str(path), contract, network).content()
+    if hashlib.sha256(content).hexdigest() != source["sha256"]:
         raise InvalidValueError(
             f"{NETWORK}.sha256 of {str(path)!r} is that of another file than {str(network)!r}"
         )
@@ -495,6 +549,17 @@ def _is_range(value: Any) -> bool:
     return ends and value[0] <= value[1]
 
 
+def _at_rest(contract: Any, term: Mapping[str, Any]) -> Any:
+    """The numbers of one term of a robot that stands still and upright with all joints at 0."""
+    alone = contract.copy()
+    alone.set(GROUP, {**contract.get(GROUP), "terms": [term], "history": {}})
+    builder, actions = gaitkeeper("terms").ObservationBuilder(alone), np.zeros(len(contract.get(NAMES)))
+    names = [*contract.get(NAMES), *builder.extra_joints]
+    angles = np.zeros(len(names))
+    upright, still = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
+    return builder.step(upright, still, angles, angles, names, still, 0, actions, still)
+
+
 def _check(found: PolicyContract) -> None:
     """Raise InvalidValueError with the field that is missing, contradicts another or does not fit."""
     contract, name = found.contract, found.name
@@ -535,10 +600,16 @@ def _check(found: PolicyContract) -> None:
         for joint in names:
             if not (is_finite_number(values[joint]) and values[joint] >= least):
                 refuse(path, f"has no number{bound} for {joint}, but {shown(values[joint])}")
-    for joint, value in (contract.get(EFFORT, None) or {}).items():
+    effort = contract.get(EFFORT, None) or {}
+    strange = sorted(map(str, effort.keys() - {*joints, *unlisted}))
+    if strange and (without := [joint for joint in joints if joint not in effort]):
+        refuse(EFFORT, f"has {strange[0]!r}, which is no joint of the policy, and none for {without[0]}")
+    for joint, value in effort.items():
         if not (value is None or _is_range((0.0, value))):
             refuse(EFFORT, f"has no number >= 0 for {joint}, but {shown(value)}")
     for axis, value in (contract.get(LIMITS, None) or {}).items():
+        if axis not in AXES:
+            refuse(LIMITS, f"has {shown(axis)}, which is none of {', '.join(AXES)}")
         if not _is_range(value):
             refuse(LIMITS, f"has no [low, high] for {axis}, but {shown(value)}")
     clip = contract.get(CLIP, None)
@@ -552,14 +623,27 @@ def _check(found: PolicyContract) -> None:
     group = contract.get(GROUP)
     known = gaitkeeper("terms").TERMS
     if unknown := [term["id"] for term in group["terms"] if term.get("id") not in known]:
-        refuse(f"{GROUP}.terms", f"has a term that is not known, {unknown[0]!r}")
+        refuse(TERMS, f"has a term that is not known, {unknown[0]!r}")
+    for term in group["terms"]:
+        field, size = f"{TERMS}.{term.get('source_name') or term['id']}", int(term["dim"])
+        try:
+            seen = np.size(_at_rest(contract, term))
+        except KeyError as error:
+            missing = str(error.args[0])
+            if missing.isidentifier():
+                refuse(f"{field}.params.{missing}", "is missing")
+            refuse(field, f"cannot be worked out: {missing}")
+        except Exception as error:  # of whatever kind a wrong value raises
+            refuse(field, f"cannot be worked out: {error}")
+        if seen != size:
+            refuse(TERMS, f"says that {term['id']} has {size} numbers, and it has {seen}")
     if found.network.suffix == ".onnx":
         network = gaitkeeper("policy").load_policy(contract, found.network)
         size = int(group.get("history", {}).get("length", 1)) * sum(
             int(term["dim"]) for term in group["terms"]
         )
         if not group.get("history", {}).get("chunks") and network.n_in != size:
-            refuse(f"{GROUP}.terms", f"has {size} numbers, the network takes {network.n_in}")
+            refuse(TERMS, f"has {size} numbers, the network takes {network.n_in}")
         if network.n_out != len(joints):
             refuse(NAMES, f"has {len(joints)} joints, the network gives {network.n_out} numbers")
         parts = getattr(network, "models", {"": network}).values()  # of one that switches between several

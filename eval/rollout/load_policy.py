@@ -191,8 +191,8 @@ def make_policy(name: str, env: Any) -> Policy:
     if name.endswith(".zip"):
         raise InvalidValueError(
             f"policy {name!r} is an archive of Stable-Baselines3, and loading one runs its code: where you "
-            "trust it, evaluate and compare take --trust; or load it yourself and score the model, "
-            "push_recovery.evaluate(policies={'mine': PPO.load(...)})"
+            "trust it, evaluate, compare, frontier and protocol take --trust; or load it yourself and score "
+            "the model, push_recovery.evaluate(policies={'mine': PPO.load(...)})"
         )
     if name.endswith(".py"):
         raise InvalidValueError(f"policy {name!r} is a file of Python: name what acts, MODULE:ATTRIBUTE")

@@ -431,18 +431,19 @@ def comparison_table(comparison: Comparison) -> Table:
 
 
 def profiles_table(evaluations: Evaluations) -> Table:
-    """Rates of each policy, that of recovery with its Wilson interval, profile beside profile."""
+    """Rates of each policy, profile by profile, and where it comes from."""
     first, lines = next(iter(evaluations.values())), []
+    origins, origin_note = origin_columns(first)
     for policy in first.rows:
         cells: list[str] = []
         for evaluation in evaluations.values():
             one = evaluation.score(policy)
             rates = "{} ({})".format(*rate_cells(one)), f"{one.survived / one.episodes:.3f}"
             cells += *rates, *count_cells(one.turned, one.bent)
-        lines.append((policy, *cells))
+        lines.append((policy, *cells, *(column[policy] for column in origins.values())))
     headings = (text for name in evaluations for text in (f"recovered, {name}", "survived", "turned", "bent"))
-    note = f"{recovered_note(first)} {TURNED_NOTE}"
-    return Table(evaluation_title(first), ("policy", *headings), lines, note)
+    note = f"{recovered_note(first)} {TURNED_NOTE} {origin_note}".strip()
+    return Table(evaluation_title(first), ("policy", *headings, *origins), lines, note)
 
 
 def kept_table(a: Evaluation, b: Evaluation, title: str) -> Table:

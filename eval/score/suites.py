@@ -84,7 +84,7 @@ class Suite:
         head = {"name": self.name, "version": self.version, "sha256": self.sha256}
         return {**head, "scenarios": len(self.scenarios)}
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write the suite as JSON, whole or not at all."""
         content = {**self.summary(), "scenarios": [scenario.to_dict() for scenario in self.scenarios]}
         files.write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.envs.biped.model_errors import altered_model
+from push_recovery.envs.joint.full_body import driven, joint_names
 from push_recovery.envs.robots.adapt import description_of
 from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.robots.compiled_robot import CompiledRobot, compiled_robot
@@ -109,6 +110,23 @@ def test_a_fixed_joint_keeps_its_angle(compiled, robot_file, tmp_path):
         mujoco.mj_kinematics(model, data)
     np.testing.assert_allclose(found.body("trunk").xpos, wanted.body("trunk").xpos, atol=1e-12)
     np.testing.assert_allclose(found.body("trunk").xmat, wanted.body("trunk").xmat, atol=1e-12)
+
+
+def test_what_no_motor_can_drive_stays_fixed_where_all_joints_are_driven(robot_file):
+    """A slide, and a hinge without a motor; the waist's roll, which has one, is driven."""
+
+    def change(model):
+        for name, kind in (("slider", mujoco.mjtJoint.mjJNT_SLIDE), ("wheel", mujoco.mjtJoint.mjJNT_HINGE)):
+            body = model.body("trunk").add_body(name=f"{name}_body")
+            body.add_joint(name=name, type=kind, limited=mujoco.mjtLimited.mjLIMITED_FALSE)
+            body.add_geom(size=[0.01, 0.0, 0.0], mass=0.1)
+
+    plan = replace(robot_file().plan, waist=("waist_pitch", None))
+    fixed = ("slider", 0.0), ("wheel", 0.0), ("waist_roll", 0.2)
+    whole = driven(description_of(robot_file(change, fixed=fixed, plan=plan)))
+    names = joint_names(CompiledRobot(whole))
+    assert "waist_roll" in names
+    assert not {"slider", "wheel"} & set(names)
 
 
 def test_torques_that_the_file_leaves_out_are_the_models(compiled):

@@ -475,15 +475,16 @@ def content_of(directory):
 
 
 @pytest.fixture(scope="module")
-def alone(tmp_path_factory):
+def alone(tmp_path_factory, sketching):
     """A folder with the output of each command in a directory of its own."""
     folder = tmp_path_factory.mktemp("alone")
-    for name in SHARING:
-        assert share(name, folder / name, folder) == 0, name
+    with sketching():
+        for name in SHARING:
+            assert share(name, folder / name, folder) == 0, name
     return folder
 
 
-def test_two_policies_leave_page_and_reports_of_others_in_their_directory_alone(tmp_path):
+def test_two_policies_leave_page_and_reports_of_others_in_their_directory_alone(tmp_path, sketched):
     pytest.importorskip("jinja2", reason="needs the extra report")
     assert share("evaluate", tmp_path / "shared", tmp_path) == 0
     before = content_of(tmp_path / "shared")
@@ -529,7 +530,7 @@ AGAIN = {  # a command, and another question of the same one in the same directo
 
 
 @pytest.mark.parametrize("name", AGAIN)
-def test_another_question_changes_nothing_that_the_first_has_left(name, tmp_path):
+def test_another_question_changes_nothing_that_the_first_has_left(name, tmp_path, sketched):
     few, shared = tmp_path / "few.json", tmp_path / "shared"
     Suite("few", "1", get_suite("quick-1").scenarios[:2]).save(few)
     left = []
@@ -556,7 +557,7 @@ PAIRS = [
 
 
 @pytest.mark.parametrize(("first", "second"), PAIRS)
-def test_no_command_changes_what_another_one_has_left(first, second, alone, tmp_path):
+def test_no_command_changes_what_another_one_has_left(first, second, alone, tmp_path, sketched):
     """Rows may be added, and an index names all pages; a directory of another configuration is refused."""
     shared = tmp_path / "shared"
     shutil.copytree(alone / first, shared)

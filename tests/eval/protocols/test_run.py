@@ -9,7 +9,7 @@ from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.controllers.model.robot import RobotModel
 from push_recovery.envs.robots.biped import biped
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL
-from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.envs.scenario.scenario import Command
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.output.tables import markdown_page
 from push_recovery.eval.protocols import run as running
@@ -25,6 +25,7 @@ from push_recovery.eval.protocols.report import (
 )
 from push_recovery.eval.protocols.run import PushProtocol, Results, run_watched
 from push_recovery.eval.protocols.tour import tour_scenario
+from push_recovery.eval.rollout.contract import Trusted
 from push_recovery.eval.rollout.workers import Runner
 
 BIPED, ROBOT = "PushRecovery/Biped-v0", RobotModel()
@@ -158,8 +159,7 @@ def test_the_table_of_tour_weighs_every_segment_alike(tmp_path):
     assert (told["position_error_cm"], told["heading_error_deg"]) == (25.0, 3.0)
     protocol = PushProtocol("tour", "stated", ROBOT, tuple(tour_scenario(i, biped()) for i in range(2)))
     cells = tour_table(Results(protocol, BIPED, {"mine": rows}, tmp_path)).rows
-    assert cells[0] == ("mine", "2", "50.0 %", "9.5-90.5", "60.0", "25.0", "3.0")
-    assert cells[1][:3] == ("gr00t_wbc h066_p012 (published)", "5120", "80/69 %")
+    assert cells == [("mine", "2", "50.0 %", "9.5-90.5", "60.0", "25.0", "3.0")]
 
 
 def test_rows_of_the_same_kicks_on_another_robot_are_not_mixed(monkeypatch, tmp_path):
@@ -194,10 +194,42 @@ def test_summaries_and_notes_hold_their_numbers():
 def test_a_tour_lasts_90_s_at_most_and_published_cells_stand_under_their_columns(tmp_path):
     row = {"survived": True, "end_time": 90.02, "position_errors_cm": [1.0], "heading_errors_deg": [1.0]}
     assert tour_summary([row])["survival_s"] == 90.0
-    protocol = PushProtocol("tour", "stated", ROBOT, (Scenario("tour-0000"),))
-    published = tour_table(Results(protocol, BIPED, {}, tmp_path)).rows[0]
+    protocol = PushProtocol("tour", "arms walking", ROBOT, (tour_scenario(0, biped()),))
+    table = tour_table(Results(protocol, BIPED, {}, tmp_path))
+    assert table.title.endswith("; published rows in MuJoCo / PhysX")
+    published = table.rows[0]
     assert published[0] == "gr00t_wbc h066_p012 (published)"
     assert published[1:] == ("5120", "80/69 %", "", "84.9/82.2", "16/49", "7/8")
+
+
+@pytest.mark.parametrize("other", ["stated", "arms held", "no punches"])
+def test_published_tours_stand_beside_those_of_arms_that_walk_alone(other, tmp_path):
+    """Theirs are of punched robots whose arms the harness moves."""
+    protocol = PushProtocol("tour", "arms walking", ROBOT, (tour_scenario(0, biped()),))
+    assert "The published rows are of a Unitree G1" in tour_note(protocol)
+    quiet = protocol.unpushed() if other == "no punches" else replace(protocol, form=other)
+    table = tour_table(Results(quiet, BIPED, {}, tmp_path))
+    assert table.rows == []
+    assert "published" not in table.title
+    assert "rows stand beside those of --arms walking alone" in tour_note(quiet)
+
+
+@pytest.mark.parametrize(
+    ("words", "place"),
+    [(["protocol", "kick"], "protocols.run.run_protocol"), (["frontier"], "score.frontier.frontier")],
+)
+def test_commands_hand_on_whom_they_trust(words, place, monkeypatch):
+    """A network in TorchScript is trusted where that is said, and only then."""
+    asked = []
+
+    def stop(*given):
+        asked.extend(one for one in given if isinstance(one, list))
+        raise InvalidValueError("enough")
+
+    monkeypatch.setattr(f"push_recovery.eval.{place}", stop)
+    for trust in [], ["--trust"]:
+        assert main([*words, "--policies", "a.yaml", "two-stage", *trust]) == 2
+    assert asked == [["a.yaml", "two-stage"], [{"a.yaml": Trusted("a.yaml")}, "two-stage"]]
 
 
 def test_the_command_kicks_by_the_mass_of_its_robot(monkeypatch):

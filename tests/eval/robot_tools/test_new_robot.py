@@ -184,7 +184,7 @@ def test_one_model_in_other_words_makes_the_same_files(worded, tmp_path):
         assert "-0.0," not in found[0].read_text()
         assert about.pop("written_in") == str(path.parent)
         written.append((about, found[1].read_text()))
-    assert written[0] == written[1] == written[2]
+    assert written[0] == written[1] == written[2] == written[3]
     assert written[0][0]["model"] == "worded.xml"
 
 

@@ -9,7 +9,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from push_recovery.controllers.errors import InvalidValueError
+from push_recovery.controllers.errors import InvalidValueError, MissingExtraError
+from push_recovery.envs.joint.full_body import driven
 from push_recovery.envs.scenario.scenario import Command
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.robot_tools import policy_check
@@ -95,12 +96,37 @@ def test_a_stander_passes_falls_with_a_wrong_sign_and_that_is_found(stander):
     assert (repair.field, repair.what) == (f"{GROUP}.terms.projected_gravity.scale", "with the other sign")
 
 
+def test_the_command_writes_the_contract_that_it_has_mended(stander, tmp_path, capsys):
+    spoilt, mended = tmp_path / "spoilt.yaml", tmp_path / "mended.yaml"
+    with_sign(stander(), "projected_gravity").write(spoilt)
+    assert main(["policy", "check", str(spoilt), "--robot", "biped", "--out", str(mended)]) == 0
+    assert f"contract: {mended}" in capsys.readouterr().out
+    assert Controls("biped").run(read_contract(str(mended)), Command(), 4.0).passed
+    field = f"{GROUP}.terms.projected_gravity.scale"
+    assert Controls("biped").run(read_contract(str(spoilt), {field: 1.0}), Command(), 4.0).passed
+
+
+def test_a_model_that_is_not_installed_is_named_where_no_other_robot_has_the_joints(stander, monkeypatch):
+    given = stander()
+
+    def model_of(name):
+        if name == "g1":
+            raise MissingExtraError("envpool-assets", "robots")
+        return driven(name)
+
+    monkeypatch.setattr(policy_check, "driven", model_of)
+    assert robot_of(given) == "biped"
+    monkeypatch.setattr(policy_check, "ROBOTS", ("g1",))
+    with pytest.raises(MissingExtraError, match="envpool-assets"):
+        robot_of(given)
+
+
 def test_controls_load_a_network_in_torchscript_where_it_is_trusted(stander, tmp_path):
     torch = pytest.importorskip("torch")
     given, script = stander(gain=0.0), tmp_path / "policy.pt"
     torch.jit.save(torch.jit.script(torch.nn.Linear(18, 12, bias=False)), str(script))
     scripted = replace(given, network=script)
-    with pytest.raises(InvalidValueError, match="evaluate, compare and policy check take --trust"):
+    with pytest.raises(InvalidValueError, match="frontier, protocol and policy check take --trust"):
         Controls("biped").run(scripted, Command(), 0.02)
     assert Controls("biped", trusted=True).run(scripted, Command(), 0.02).fell_at is None
 

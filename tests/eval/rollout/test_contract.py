@@ -16,7 +16,7 @@ from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.envs.joint.full_body import ANGLES, COMMAND, QUATERNION, RATE, VELOCITY, FullBodyEnv
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
-from push_recovery.eval.rollout.contender import Contender
+from push_recovery.eval.rollout.contender import Contender, Episode
 from push_recovery.eval.rollout.contract import (
     LIMITS,
     NAMES,
@@ -166,7 +166,7 @@ def suite():
 
 
 def test_a_policy_is_scored_in_its_own_form_and_its_contract_gives_the_same_rows(mjlab, suite, tmp_path):
-    network = mjlab()
+    network = mjlab(np.random.default_rng(8).normal(0.0, 0.003, (12, SIZE)))
     written = tmp_path / "elsewhere" / "contract.yaml"
     read_contract(network).write(written)
     found = evaluate(suite, BIPED, {"network": network, "contract": str(written), "planner": "two-stage"},
@@ -257,6 +257,108 @@ def test_a_policy_of_another_robot_is_refused_by_the_joint_that_is_missing(mjlab
         read_contract(path).servos(["waist_pitch", *JOINTS[2:]])
 
 
+TERMS_FIELD = "policy_io.observation_groups.policy.terms"
+
+
+def test_scale_and_parameters_of_a_term_are_given_by_its_name(mjlab):
+    twos = ", ".join("2" * 12)
+    words = ["base_ang_vel.scale=0.25", f"joint_pos.scale=[{twos}]", "actions.clip=[-1, 1]"]
+    contract = read_contract(mjlab(), changes_of([f"{TERMS_FIELD}.{word}" for word in words]))
+    terms = {term["source_name"]: term for term in contract.get(TERMS_FIELD)}
+    assert terms["base_ang_vel"]["scale"] == [0.25] * 3
+    assert terms["joint_pos"]["scale"] == [2] * 12
+    assert terms["actions"]["clip"] == [-1, 1]
+    assert set(terms["joint_vel"]["scale"]) == {1.0}
+    env, row = at_rest(contract)
+    policy = Contender(contract, env.episodes)
+    seen, plain = (
+        Contender(one, env.episodes).observe(Episode(one.contract, None, 12), row + 0.1, np.zeros(3))
+        for one in (contract, read_contract(contract.name))
+    )
+    assert seen[3:6] == pytest.approx(0.25 * plain[3:6])
+    assert seen[12:24] == pytest.approx(2.0 * plain[12:24])
+    assert policy.contract is contract
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("word", "why"),
+    [
+        ("heights.scale=1", r"'.*heights.scale' is no field of a contract: '.*terms.heights'"),
+        ("joint_pos.unit=1", r"'.*joint_pos.unit' is no field of a contract: '.*terms.joint_pos.unit'"),
+        ("joint_pos.scale=[1, 2]", r"joint_pos.scale must be a number, or one for each of 12, not \[1, 2\]"),
+        ("joint_pos.scale=fast", r"joint_pos.scale must be a number, or one for each of 12, not 'fast'"),
+    ],
+)  # fmt: skip
+def test_what_no_term_has_cannot_be_given(mjlab, word, why):
+    with pytest.raises(InvalidValueError, match=why):
+        read_contract(mjlab(), changes_of([f"{TERMS_FIELD}.{word}"]))
+
+
+def test_a_clock_without_a_period_is_named_and_can_be_given(mjlab):
+    names = ",".join([*TERMS, "phase"])
+    path = mjlab(np.zeros((12, SIZE + 2)), observation_names=names)
+    field = f"{TERMS_FIELD}.phase.params.period"
+    with pytest.raises(InvalidValueError) as caught:
+        read_contract(path)
+    assert str(caught.value) == f"{field} of policy {path!r} is missing{MENDED.format(field)}"
+    contract = read_contract(path, changes_of([f"{field}=0.5"]))
+    assert contract.get(TERMS_FIELD)[-1]["params"]["period"] == 0.5
+
+
+def test_a_term_that_is_not_of_the_size_that_it_says_is_named(mjlab, tmp_path):
+    written = tmp_path / "contract.yaml"
+    read_contract(mjlab()).write(written)
+    content = yaml.safe_load(written.read_text())
+    terms = content["policy_io"]["observation_groups"]["policy"]["terms"]
+    terms[0]["dim"], terms[1]["dim"] = 2, 4
+    written.write_text(yaml.safe_dump(content, sort_keys=False))
+    with pytest.raises(
+        InvalidValueError, match=r"terms of policy .* says that base_lin_vel has 2 numbers, and"
+    ):
+        read_contract(str(written))
+
+
+def test_weights_in_a_file_of_their_own_belong_to_the_network(mjlab, tmp_path):
+    network, written = mjlab(), tmp_path / "contract.yaml"
+    weights = tmp_path / "policy.onnx.data"
+
+    def save(value):
+        model = onnx.load(network, load_external_data=False)
+        kept = onnx.numpy_helper.from_array(np.full((12, SIZE), value, np.float32), "W")
+        del model.graph.initializer[:]
+        model.graph.initializer.append(kept)
+        weights.unlink(missing_ok=True)
+        onnx.save(model, network, save_as_external_data=True, location=weights.name, size_threshold=0)
+
+    save(0.01)
+    first = read_contract(network)
+    first.write(written)
+    assert read_contract(str(written)).digest() == policy_sources(str(written))[str(written)].digest()
+    graph, before = (tmp_path / "policy.onnx").read_bytes(), first.digest()
+    save(0.02)
+    assert (tmp_path / "policy.onnx").read_bytes() == graph
+    assert read_contract(network).digest() != before
+    with pytest.raises(InvalidValueError, match=r"source.network.sha256 of .* is that of another file"):
+        read_contract(str(written))
+
+
+def test_a_robot_in_mid_episode_goes_on_where_no_start_is_named(mjlab):
+    """A network whose output is its own last one and 1 counts its decisions."""
+    weights = np.zeros((12, SIZE))
+    weights[:, -12:] = np.eye(12)
+    weights[:, 8] = -1.0  # gravity, -1 along z of a robot that is upright
+    contract = read_contract(mjlab(weights))
+    env, row = at_rest(contract)
+    row[QUATERNION] = 1.0, 0.0, 0.0, 0.0
+    policy, rows = Contender(contract, env.episodes), np.stack([row, row])
+    _, state = policy.predict(rows)
+    for _ in range(2):
+        _, state = policy.predict(rows, state)
+    assert [one.action.tolist() for one in state[0]] == [[3.0] * 12] * 2
+    env.close()
+
+
 def test_terms_in_another_order_in_the_second_file_are_contradictory(mjlab, tmp_path):
     path, order = mjlab(), [*TERMS[:1], "projected_gravity", "base_ang_vel", "velocity_commands",
                             "joint_pos_rel", "joint_vel_rel", "last_action"]  # fmt: skip
@@ -305,6 +407,9 @@ TWICE = "[" + ", ".join([*JOINTS[:-1], JOINTS[0]]) + "]"
         (LIMITS, "fast", "must have fields, not 'fast'"),
         (LIMITS, "{vx: [1]}", "has no [low, high] for vx, but [1]"),
         (LIMITS, "{vx: [1, -1]}", "has no [low, high] for vx, but [1, -1]"),
+        (LIMITS, "{lin_vel_x: [-1, 1]}", "has 'lin_vel_x', which is none of vx, vy, wz"),
+        (EFFORT, "{left_kne: 3}",
+         "has 'left_kne', which is no joint of the policy, and none for left_hip_yaw"),
         (EFFORT, "{left_knee: x}", "has no number >= 0 for left_knee, but 'x'"),
         (EFFORT, "0", "must have fields, not 0"),
         (UNLISTED, "5", "must have fields, not 5"),
@@ -440,6 +545,11 @@ def test_a_deployment_of_isaac_lab_is_read_with_the_onnx_beside_its_twin(tmp_pat
     path.write_text(yaml.safe_dump(deploy, sort_keys=False))
     contract = read_contract(str(path))
     assert contract.network.name == "policy.onnx"
+    kept = (tmp_path / "exported" / "policy.onnx").read_bytes()
+    (tmp_path / "exported" / "policy.onnx").unlink()
+    scripted = read_contract(str(path))
+    assert (scripted.network.name, scripted.joints) == ("policy.pt", contract.joints)
+    (tmp_path / "exported" / "policy.onnx").write_bytes(kept)
     noted = f"it lists {motors} motors and is read as a G1's, which has 29"
     assert (noted in contract.notes) == (motors < 29)
     save_network(tmp_path / "params" / "other.onnx", np.zeros((12, 45)), {})
@@ -574,6 +684,14 @@ def test_torchscript_asks_for_trust_and_then_scores_as_onnx_does(mjlab, suite, t
     assert found.score("script").recovered == found.score("onnx").recovered
     with pytest.raises(InvalidValueError, match=r"acts in the environment of its contract alone"):
         Trusted("a.yaml").predict(np.zeros(3))
+    for sizes, why in (
+        ((SIZE + 1, 12), rf"terms of policy .* has {SIZE} numbers, which its network does not take: "),
+        ((SIZE, 1), r"policy_io.joints.names of policy .* has 12 joints, the network gives 1 numbers"),
+    ):
+        torch.jit.save(torch.jit.script(torch.nn.Linear(*sizes, bias=False)), str(script))
+        replace(contract, network=script).write(written)
+        with pytest.raises(InvalidValueError, match=why):
+            evaluate(suite, BIPED, {"script": Trusted(str(written))}, directory=tmp_path / "unfit")
     script.write_text("no script")
     replace(contract, network=script).write(written)
     with pytest.raises(InvalidValueError, match=r"is no TorchScript"):

@@ -89,6 +89,7 @@ def test_a_profile_is_put_on_a_scenario_at_the_size_of_the_robot():
         ("PushRecovery/Biped-v0@mine.json", "PushRecovery/BipedFullBody-v0@mine.json"),
         ("PushRecovery/G1FullBody-v0@g1", "PushRecovery/G1FullBody-v0@g1"),
         ("theirs:Robot-v0", "theirs:RobotFullBody-v0"),
+        ("PushRecovery/G1Residual-v0", "PushRecovery/G1FullBody-v0"),
     ],
 )
 def test_the_form_of_all_joints_is_of_the_same_robot_and_preset(env_id, form):

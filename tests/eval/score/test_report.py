@@ -196,6 +196,10 @@ def test_how_much_search_found_a_policy_is_a_column_where_it_is_known(evaluation
     assert {name: cells[name] for name in trials} == {
         name: f"{count} trials" for name, count in trials.items()
     }
+    beside = report.profiles_table({"exact": found, "hardware": found})
+    assert beside.columns[-1] == "found by"
+    assert [cells[-1] for cells in beside.rows] == [cells[-1] for cells in table.rows]
+    assert "trials of the search" in beside.note
     first, *others = found.rows["joint-residual"]
     mixed = replace(found, rows={"ceiling": [first, *({**row, "policy": "raibert"} for row in others)]})
     assert report.rates_table(mixed).columns[-1] == "bent"  # rows of several policies come from none of them
