@@ -26,7 +26,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any, NoReturn, TypeGuard
 
 import numpy as np
 
@@ -436,8 +436,8 @@ def _of_contract(path: Path, content: dict[str, Any]) -> tuple[Any, Path, tuple[
     network = path.parent / source["path"]
     if not network.is_file():
         raise InvalidValueError(f"there is no network {str(network)!r}, which {NETWORK} names")
-    content = PolicyContract(str(path), contract, network).content()
-    if hashlib.sha256(content).hexdigest() != source["sha256"]:
+    found = PolicyContract(str(path), contract, network)
+    if hashlib.sha256(found.content()).hexdigest() != source["sha256"]:
         raise InvalidValueError(
             f"{NETWORK}.sha256 of {str(path)!r} is that of another file than {str(network)!r}"
         )
@@ -564,7 +564,7 @@ def _check(found: PolicyContract) -> None:
     """Raise InvalidValueError with the field that is missing, contradicts another or does not fit."""
     contract, name = found.contract, found.name
 
-    def refuse(path: str, why: str) -> None:
+    def refuse(path: str, why: str) -> NoReturn:
         raise InvalidValueError(
             f"{path} of policy {name!r} {why}; push-recovery policy inspect FILE --set {path}=VALUE --out "
             "CONTRACT.yaml gives it"
