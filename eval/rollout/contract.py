@@ -57,9 +57,7 @@ AXES = ("vx", "vy", "wz")  # of a command
 ABSENT = "control.absent"  # joints of the contract that the robot may lack: they count as in the default pose
 NETWORK = "source.network"
 CLIP, UNLISTED = "control.actions.joint_pos.clip", "control.unlisted"
-WEIGHTS = re.compile(
-    rb"\n\x08location\x12(.)", re.DOTALL
-)  # in ONNX, before the name of a file and its length
+WEIGHTS = re.compile(rb"\n\x08location\x12(.)", re.DOTALL)  # in ONNX, ahead of the name of another file
 FIXED = ("schema", NETWORK)  # fields that the file alone has
 OF_EACH_JOINT = (POSE, SCALE, OFFSET, STIFFNESS, DAMPING)
 NEEDED = (RATE, NAMES, TERMS, *OF_EACH_JOINT)
