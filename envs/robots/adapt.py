@@ -82,7 +82,7 @@ def add_motors(
                 f"joint {joint.name!r} is a {KINDS[joint.type]}: it must be a hinge or be named in 'fixed'"
             )
         motor = motor_of_file(robot, joint.name, names)
-        torque = motor.torque if motor.torque is not None else torques.get(joint.name)
+        torque = largest_torque(motor, joint.name, torques)
         if not torque or not torque > 0.0:
             raise InvalidValueError(f"joint {joint.name!r} has no largest torque: name it in 'motors'")
         joint.solref_limit = [0.01, 1.0]
@@ -90,6 +90,11 @@ def add_motors(
         added = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         added.forcelimited, added.forcerange, added.ctrllimited = True, [-torque, torque], False
         added.userdata = [motor.speed or 0.0]
+
+
+def largest_torque(motor: Motor, joint: str, torques: Mapping[str, float]) -> float | None:
+    """Largest torque of a joint, as a file says of its motor or else as the model does [N m]."""
+    return motor.torque if motor.torque is not None else torques.get(joint)
 
 
 def motor_of_file(robot: RobotFile, joint: str, names: Collection[str]) -> Motor:
@@ -311,8 +316,7 @@ def whole_robot(robot: RobotFile) -> RobotDescription:
     names = [source.name(joint) for joint in source.joints]
     kept = set(chain.from_iterable(one.joints for one in source.couplings))
     for joint, name in zip(source.joints, names, strict=True):
-        stated = motor_of_file(robot, name, names).torque
-        torque = source.torques.get(name) if stated is None else stated
+        torque = largest_torque(motor_of_file(robot, name, names), name, source.torques)
         if source.model.jnt_type[joint] != HINGE or not torque:
             kept.add(name)
     return replace(description_of(robot.unfixed(kept)), whole=None)

@@ -140,7 +140,7 @@ class TrustOption(Options):
 
     def trusted(self, policies: Sequence[str]) -> list[Any]:
         """The policies, those that may run code under their label; without trust they stay, to be refused."""
-        from ..rollout.contract import Trusted, is_contract
+        from ..rollout.contract import trusted
 
         if not self.trust:
             return list(policies)
@@ -148,7 +148,7 @@ class TrustOption(Options):
         def one(name: str) -> Any:
             if name.endswith(ARCHIVE):
                 return {name: import_module(ARCHIVES, __package__).ArchivePolicy.of(name)}
-            return {name: Trusted(name)} if is_contract(name) else name
+            return trusted(name)
 
         return [one(name) for name in policies]
 

@@ -23,7 +23,7 @@ from ...envs.robots.compiled_robot import compiled_robot
 from ...envs.robots.description import robot_description
 from ...envs.scenario.scenario import Command, Scenario
 from ..rollout.contender import Contender
-from ..rollout.contract import NAMES, SCALE, TERMS, PolicyContract
+from ..rollout.contract import NAMES, SCALE, TERMS, PolicyContract, term_field
 from ..rollout.episodes import rollout
 
 SECONDS = 10.0  # of a control
@@ -173,7 +173,7 @@ def repairs(given: PolicyContract) -> Iterator[Repair]:
 
         return change
 
-    fields = [f"{TERMS}.{term.get('source_name') or term['id']}" for term in terms]
+    fields = [term_field(term) for term in terms]
     for i, term in enumerate(terms):
         if term["id"] not in ("projected_gravity", "last_action") and "phase" not in term["id"]:
             for factor in FACTORS:

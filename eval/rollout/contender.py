@@ -120,7 +120,7 @@ class Contender:
         episode = Episode(contract.contract, self._shared, len(self._scale))
         seen = self.observe(episode, row, np.zeros(3))
         try:
-            answer = np.atleast_1d(self._load().step(seen))
+            answer = np.atleast_1d(self._shared.step(seen))
         except (RuntimeError, IndexError) as error:
             raise InvalidValueError(
                 f"{TERMS} of policy {contract.name!r} has {len(seen)} numbers, which its network does not "

@@ -90,6 +90,11 @@ class Trusted:
         raise InvalidValueError(f"policy {self.name!r} acts in the environment of its contract alone")
 
 
+def trusted(name: str) -> Any:
+    """A policy by name, under its label as `Trusted` where it means a contract."""
+    return {name: Trusted(name)} if is_contract(name) else name
+
+
 def contract_name(policy: object) -> str | None:
     """Name of the contract that a policy means; None for one of another kind."""
     if isinstance(policy, Trusted):
@@ -221,14 +226,17 @@ class PolicyContract:
         more = (file for file in beside if file.is_file() and file.name != self.network.name)
         return b"\0".join([content, *map(read_file, more)])
 
+    def network_sha256(self) -> str:
+        """SHA-256 by which CONTRACT.yaml names its network."""
+        return hashlib.sha256(self.content()).hexdigest()
+
     def write(self, path: Path) -> None:
         """Write the contract as CONTRACT.yaml; it names its network by a path from there, and by its hash."""
         kept = self.contract.copy()
         network = self.network.resolve()
         where = path.resolve().parent
         inside = network.relative_to(where) if network.is_relative_to(where) else network
-        digest = hashlib.sha256(self.content()).hexdigest()
-        kept.set(NETWORK, {"path": str(inside), "sha256": digest}, "file", "policy inspect")
+        kept.set(NETWORK, {"path": str(inside), "sha256": self.network_sha256()}, "file", "policy inspect")
         write_text(path, kept.dump())
 
 
@@ -279,6 +287,11 @@ def read_contract(name: str, changes: Mapping[str, Any] | None = None) -> Policy
     return found
 
 
+def term_field(term: Mapping[str, Any]) -> str:
+    """The path of a term of the observation, by its name in its group."""
+    return f"{TERMS}.{gaitkeeper('terms').term_key(term)}"
+
+
 def _set_in_term(contract: Any, name: str, key: str = "", *, value: Any) -> None:
     """Set scale, clip or a parameter (`params.NAME`) of a term, named as `fields_of` has it.
 
@@ -287,7 +300,7 @@ def _set_in_term(contract: Any, name: str, key: str = "", *, value: Any) -> None
         InvalidValueError: a scale that is neither a number nor one for each of its numbers.
     """
     terms = contract.get(TERMS)
-    term = next((term for term in terms if name == (term.get("source_name") or term["id"])), None)
+    term = next((term for term in terms if term_field(term) == f"{TERMS}.{name}"), None)
     kind, _, parameter = key.partition(".")
     if term is None:
         raise KeyError(f"{TERMS}.{name}")
@@ -340,7 +353,7 @@ def fields_of(contract: PolicyContract) -> list[tuple[str, str, Any]]:
             for term in value:
                 scale = np.unique(term["scale"])
                 text = f"{term['dim']} numbers, scale {', '.join(f'{one:g}' for one in scale)}"
-                name = term.get("source_name") or term["id"]
+                name = gaitkeeper("terms").term_key(term)
                 found.append((f"{path}.{name}", text, contract.contract.prov(f"{path}.{term['id']}")))
         elif value is not None:
             text = (
@@ -434,8 +447,7 @@ def _of_contract(path: Path, content: dict[str, Any]) -> tuple[Any, Path, tuple[
     network = path.parent / source["path"]
     if not network.is_file():
         raise InvalidValueError(f"there is no network {str(network)!r}, which {NETWORK} names")
-    found = PolicyContract(str(path), contract, network)
-    if hashlib.sha256(found.content()).hexdigest() != source["sha256"]:
+    if PolicyContract(str(path), contract, network).network_sha256() != source["sha256"]:
         raise InvalidValueError(
             f"{NETWORK}.sha256 of {str(path)!r} is that of another file than {str(network)!r}"
         )
@@ -623,7 +635,7 @@ def _check(found: PolicyContract) -> None:
     if unknown := [term["id"] for term in group["terms"] if term.get("id") not in known]:
         refuse(TERMS, f"has a term that is not known, {unknown[0]!r}")
     for term in group["terms"]:
-        field, size = f"{TERMS}.{term.get('source_name') or term['id']}", int(term["dim"])
+        field, size = term_field(term), int(term["dim"])
         try:
             seen = np.size(_at_rest(contract, term))
         except KeyError as error:

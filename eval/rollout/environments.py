@@ -147,8 +147,8 @@ def full_body_form(env_id: str) -> str:
         raise InvalidValueError(
             f"a policy of joint targets needs the environment of a robot, as {DEFAULT_ENV}, got {env_id!r}"
         )
-    own = name.id.replace("Residual-v0", "-v0")  # whose corrections act on the same robot
-    form = f"{name.module}:".lstrip(":") + own.replace("-v0", f"{FULL_BODY}-v0")
+    # corrections of a planner act on the same robot
+    form = f"{name.module}:".lstrip(":") + re.sub("(Residual)?-v0", f"{FULL_BODY}-v0", name.id)
     return f"{form}@{name.preset}" if name.preset else form
 
 

@@ -30,7 +30,7 @@ from ...envs.scenario.scenario import Scenario
 from ..output import progress, tables
 from ..output.rows import differing, read_content, read_json
 from ..rollout import DEFAULT_ENV, environments, policy_source
-from ..rollout.contract import Trusted, is_contract
+from ..rollout.contract import trusted
 from ..rollout.load_policy import is_attribute
 from ..rollout.outcome import Ending, Outcome, Score, check_row
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
@@ -206,9 +206,7 @@ def run_again(
             is not what comes now.
         PushRecoveryError: a policy cannot be loaded.
     """
-    sources = policy_source.policy_sources(
-        [{name: Trusted(name)} if trust and is_contract(name) else name for name in submission.rows]
-    )
+    sources = policy_source.policy_sources([trusted(name) if trust else name for name in submission.rows])
     for name, source in sources.items():
         if not trust and isinstance(source.origin, str) and is_attribute(source.origin):
             raise InvalidValueError(
