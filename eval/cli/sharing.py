@@ -17,7 +17,7 @@ MOST = {"kick": 200, "tour": 3000}  # from there on run ids are of pushes for tu
 
 @dataclass(frozen=True, kw_only=True)
 class ProtocolCommand(EnvOptions, options.TrustOption, RunningOptions):
-    """Run policies under the push protocol of another group; its published rows stand beside them."""
+    """Run policies under the push protocol of another group, beside what it published of the same pushes."""
 
     protocol: Positional[Literal["kick", "tour"]]
     """kick: RecoverFormer's jumps of the base's velocity; tour: the teleop-walking-benchmark's punches on a
