@@ -1,14 +1,17 @@
 """Are observations and targets those of Holosoma's own code, on recorded states of a pushed robot?
 
-    python benchmarks/holosoma_observations.py holosoma-g1-ppo
+    python benchmarks/holosoma_observations.py holosoma-g1-ppo [FILE.json]
 
 The package's `LocomotionPolicy` builds its observation from each state that our robot came to, keeps its own
-clock and last action, and says its targets. What it imports for real robots alone is left out.
+clock and last action, and says its targets. What it imports for real robots alone is left out. FILE.json gets
+every 64th decision, as tests/pinned/holosoma.json holds them.
 Needs pip install --no-deps holosoma-inference, and termcolor, loguru and pydantic.
 """
 
+import json
 import sys
 from collections import deque
+from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import MagicMock
 
@@ -23,6 +26,13 @@ FOR_REAL_ROBOTS = (
     "wandb", "netifaces", "zmq", "sshkeyboard", "importlib_metadata", "lazy_importer", "pinocchio",
     "defusedxml",
 )  # fmt: skip
+EVERY = 64  # decisions, of which one is recorded
+DIGITS = 8  # of a recorded number
+
+
+def recorded(values):
+    """Numbers for a file."""
+    return [float(f"{value:.{DIGITS}g}") for value in np.ravel(values)]
 
 
 def theirs(robot: str, path: str):
@@ -74,6 +84,7 @@ def main() -> None:
     places = [joints.index(name) if name in joints else None for name in contract.joints]
     rest = contract.get("control.default_joint_pos")
     size = len(joints)
+    records, told = [], {}
     while True:
         angles = [rest[name] if i is None else row[13 + i]
                   for name, i in zip(contract.joints, places, strict=True)]  # fmt: skip
@@ -81,8 +92,15 @@ def main() -> None:
         data = np.array([[0.0, 0.0, 0.0, *row[:4], *angles, 0.0, 0.0, 0.0, *row[4:7], *rates]])
         other.lin_vel_command[0], other.ang_vel_command[0, 0] = row[10:12], row[12]
         other.update_phase_time()
+        before = other.last_policy_action[0].copy()
         action, state = ours.predict(row, state, np.array([state is None]))
         targets = other.rl_inference(data)[0]
+        if not told or recorded(row[10:13]) != list(told.values())[-1]:
+            told[decisions] = recorded(row[10:13])
+        if decisions % EVERY == 0:
+            record = {"row": row, "last_action": before, "action": other.last_policy_action[0],
+                      "observation": other.obs_buf_dict["actor_obs"][0], "targets": targets}  # fmt: skip
+            records.append({"step": decisions} | {key: recorded(value) for key, value in record.items()})
         moved = [i for i, place in enumerate(places) if place is not None]
         own = action[[places[i] for i in moved]] * 2.0 * np.pi
         worst = np.maximum(worst, [np.abs(other.obs_buf_dict["actor_obs"][0] - seen[-1]).max(),
@@ -91,6 +109,9 @@ def main() -> None:
         row, _, fell, over, _ = env.step(action)
         if fell or over:
             break
+    if len(sys.argv) > 2:
+        content = {"joints": list(contract.joints), "robot": joints, "commands": told, "decisions": records}
+        Path(sys.argv[2]).write_text(json.dumps({robot: content}) + "\n", encoding="utf-8")
     print(f"{name}: {decisions} decisions; largest difference of an observation {worst[0]:.1e}, "
           f"of a target {worst[1]:.1e} rad")  # fmt: skip
 

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,6 +16,7 @@ from . import options
 from .options import Count, CountOrNone, EnvOptions, Policies, Real, RunningOptions, SuiteName, within
 
 DEFAULT_TEXT = f"{options.SUITES_TEXT} By default quick, and on the pendulum, which does not turn, quick-1."
+SEVERAL_TEXT = f"{DEFAULT_TEXT} Each of several suites has results of its own, and one table shows them all."
 PROFILES_TEXT = f"{options.PROFILE_TEXT} Several profiles are shown side by side."
 
 
@@ -23,7 +24,9 @@ PROFILES_TEXT = f"{options.PROFILE_TEXT} Several profiles are shown side by side
 class SuiteOptions(options.EnvOptions, options.ErrorOptions, options.TrustOption, options.RunningOptions):
     """Options of a command that runs policies on a suite."""
 
-    suite: Annotated[str | None, arg(metavar="NAME|FILE", help=DEFAULT_TEXT, help_behavior_hint="")] = None
+    suite: tuple[str, ...] | str | None = None  # as a command takes it: one or several
+    sample: CountOrNone = field(default=None, metadata=within(1))
+    """Number of pushes, evenly spread over the suite (by default all of them)."""
     film: Annotated[Literal["discordant"] | None, arg(metavar="discordant", help_behavior_hint="")] = None
     """Film the pushes that one policy recovers from and another does not, side by side, as GIF
     and mp4."""
@@ -46,11 +49,13 @@ class SuiteOptions(options.EnvOptions, options.ErrorOptions, options.TrustOption
             if paths and not self.json:
                 print(f"films: {evaluation.directory / FOLDER}")
 
-    def pushes_under(self, profile: str) -> Any:
-        """The suite, with the model errors and a profile in every scenario."""
+    def pushes_under(self, suite: str | None, profile: str) -> Any:
+        """A suite or its sample, with the model errors and a profile in every scenario."""
+        from ..score.sensitivity import sample_of
         from ..score.suites import pushes_on
 
-        return pushes_on(self.env_id, self.suite, self.model_errors, profile)
+        pushes = pushes_on(self.env_id, suite, self.model_errors, profile)
+        return pushes if self.sample is None else sample_of(pushes, self.sample)
 
     def write_page(
         self, command: str, found: Mapping[str, Any], directory: Path, positional: Sequence[str] = ()
@@ -64,8 +69,11 @@ class SuiteOptions(options.EnvOptions, options.ErrorOptions, options.TrustOption
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluate(SuiteOptions):
-    """Score policies on a suite."""
+    """Score policies on suites."""
 
+    suite: Annotated[
+        tuple[str, ...] | None, arg(metavar="NAME|FILE", help=SEVERAL_TEXT, help_behavior_hint="")
+    ] = None
     policies: Annotated[tuple[str, ...], arg(metavar="NAME|FILE")] = TABLE_VARIANTS
     """Policies to score: names (see list), policy files, or MODULE:ATTRIBUTE. By default the
     planner and its variants are scored; baselines and learned policies have to be named."""
@@ -73,43 +81,71 @@ class Evaluate(SuiteOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(set(self.profile)) < len(self.profile):
-            raise InvalidValueError(f"--profile must name each one once, got {' '.join(self.profile)}")
+        for option, values in {"--profile": self.profile, "--suite": self.suite or ()}.items():
+            if len(set(values)) < len(values):
+                raise InvalidValueError(f"{option} must name each one once, got {' '.join(values)}")
 
     def run(self) -> None:
-        """Evaluate under each profile, print one table or object, write the reports.
+        """Evaluate on each suite under each profile, print one table or object, write the reports.
 
-        Each profile has a directory of its own, below DIR where there are several.
+        Each suite has a directory of its own below DIR where there are several, and so has each profile.
         """
-        from ..ceiling import with_ceiling
         from ..rollout.policy_source import policy_sources
         from ..rollout.workers import Runner
-        from ..score import evaluate, report
+        from ..score import report
 
         self.check_film()
-        suites = {name: self.pushes_under(name) for name in self.profile}  # unknown ones fail here
-        policies, several = self.trusted(self.policies), len(suites) > 1
-        if several:  # so that no profile is scored in vain
+        suites = {  # unknown ones fail here
+            name: {profile: self.pushes_under(name, profile) for profile in self.profile}
+            for name in self.suite or (None,)
+        }
+        policies, every = (
+            self.trusted(self.policies),
+            [s for pushes in suites.values() for s in pushes.values()],
+        )
+        if len({suite.name for suite in every}) < len(every):
+            raise InvalidValueError(f"two suites of --suite are called {every[0].name!r}")
+        if len(every) > 1:  # so that nothing is scored in vain
             with closing(Runner(self.env_id, policy_sources(policies))) as runner:
-                runner.check_can_begin(one for suite in suites.values() for one in suite.scenarios)
-        found, objects, lines, table = {}, {}, [], None
+                runner.check_can_begin(one for suite in every for one in suite.scenarios)
+        evaluations, objects, table, lines, several = [], {}, None, [], len(suites) > 1
+        for name, pushes in suites.items():
+            one, place, label = self, self.directory, next(iter(pushes.values())).name
+            if several:
+                one, place = replace(self, suite=(name,)), place and place / label
+            found, objects[label], table, more = one.scored(pushes, policies, place)
+            evaluations += found.values()
+            lines += more
+        if several:
+            table = report.beside_table({one.suite.name: one for one in evaluations})
+        tables = [] if table is None else [table]
+        self.show({"suites": objects} if several else next(iter(objects.values())), tables, lines)
+        for one in evaluations:
+            self.make_films(one, policies)
+
+    def scored(
+        self, suites: Mapping[str, Any], policies: Sequence[Any], place: Path | None
+    ) -> tuple[dict[str, Any], dict[str, Any], Any, list[str]]:
+        """Evaluations by profile of one suite, their object, their table, and where their reports are."""
+        from ..ceiling import with_ceiling
+        from ..score import evaluate, report
+
+        found, objects, lines, table, several = {}, {}, [], None, len(suites) > 1
         for name, suite in suites.items():
-            place = self.directory / name if several and self.directory else self.directory
-            one = evaluate.evaluate(suite, self.env_id, policies, self.processes, place, self.overwrite)
+            own = place / name if several and place else place
+            one = evaluate.evaluate(suite, self.env_id, policies, self.processes, own, self.overwrite)
             reported = with_ceiling(one, self.processes, self.overwrite)
             lines.append(f"report: {report.write_evaluation_reports(one, reported)}")
             more = [policy for policy in reported.rows if policy not in one.rows]  # a stored ceiling
             objects[name] = one.to_dict() | {policy: reported.score(policy).to_dict() for policy in more}
             found[name], table = one, report.rates_table(reported)
-        directory = self.directory or next(iter(found.values())).directory
+        directory = place or next(iter(found.values())).directory
         if several:
-            table = report.profiles_table(found)
+            table = report.beside_table(found)
             lines.insert(0, f"profiles: {report.write_profiles(found, directory)}")
         lines += self.write_page("evaluate", found, directory)
         content = {"profiles": objects} if several else next(iter(objects.values()))
-        self.show(content, filter(None, [table]), lines)
-        for one in found.values():
-            self.make_films(one, policies)
+        return found, content, table, lines
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,13 +156,14 @@ class Compare(SuiteOptions, options.RobotOptions):
     """First policy: name (see list), file, or MODULE:ATTRIBUTE."""
     b: Annotated[Positional[str], arg(metavar="B")]
     """Second policy, in the same form."""
+    suite: Annotated[str | None, arg(metavar="NAME|FILE", help=DEFAULT_TEXT, help_behavior_hint="")] = None
 
     def run(self) -> None:
         """Compare two policies, print the table or the object."""
         from ..score import evaluate, report
 
         self.check_film()
-        suite, (a, b) = self.pushes_under(self.profile), self.trusted((self.a, self.b))
+        suite, (a, b) = self.pushes_under(self.suite, self.profile), self.trusted((self.a, self.b))
         found = evaluate.compare(a, b, suite, self.env_id, self.processes, self.directory, self.overwrite)
         page = self.write_page("compare", {self.profile: found.evaluation}, found.directory, ("a", "b"))
         outcomes = f"outcomes: {found.directory / 'outcomes.jsonl'}"

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from ...controllers.model.robot import GRAVITY, Similarity
 from ..output.statistics import wilson_interval
 from ..output.tables import Table, markdown_page, write_reports
+from ..rollout.outcome import driven_joints
 from .kick import FORCES, LEVELS, jump_of
 from .run import PushProtocol, Results, Row
 from .tour import CEILING, FASTEST_X, FASTEST_Y, LENGTH, PUNCH_DURATION, force_share
@@ -159,6 +160,9 @@ def kick_table(results: Results, key: str, title: str) -> Table:
         own = [shown([row[key] for row in rows if level_of(row) == force]) for rows in results.rows.values()]
         theirs = [f"{row[force]:.1f}" if force in row else "-" for row in published.values()]
         cells.append((f"{jump_of(force):.3f} m/s, {force} N on the G1", *own, *theirs))
+    if key == "stood":
+        driven = map(driven_joints, results.rows.values())
+        cells.append(("targets of, joints", *driven, *("29" for _ in published)))
     return Table(title, ("level", *results.rows, *published), cells)
 
 
@@ -205,14 +209,15 @@ def tour_table(results: Results) -> Table:
         errors = f"{summary['position_error_cm']:.1f}", f"{summary['heading_error_deg']:.1f}"
         share = f"{100 * summary['completed'] / summary['runs']:.1f} %"
         interval, survival = f"{100 * low:.1f}-{100 * high:.1f}", f"{summary['survival_s']:.1f}"
-        cells.append((name, str(summary["runs"]), share, interval, survival, *errors))
+        cells.append((name, str(summary["runs"]), share, interval, survival, *errors, driven_joints(rows)))
     for name, row in TOUR_ROWS.items() if beside else ():
         both = ("{}/{}".format(*pair) for pair in (row.survival, row.position, row.heading))
         completed = "{}/{} %".format(*row.completed)
-        cells.append((f"{name} (published)", str(row.runs), completed, "", *both))
+        cells.append((f"{name} (published)", str(row.runs), completed, "", *both, ""))
     runs = f"run ids 0-{len(results.protocol.scenarios) - 1}{_variant(results)}"
     columns = (
-        "policy", "runs", "completed", "95 % interval", "survival [s]", "position [cm]", "heading [deg]"
+        "policy", "runs", "completed", "95 % interval", "survival [s]", "position [cm]", "heading [deg]",
+        "targets of",
     )  # fmt: skip
     title = f"{results.env_id}: tour, {runs}" + "; published rows in MuJoCo / PhysX" * beside
     return Table(title, columns, cells)

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any, Self
@@ -322,6 +322,15 @@ class Measure:
     def text(self, value: float | None) -> str:
         """A value of a row, in the unit of the column."""
         return "-" if value is None else f"{value * self.factor:.{self.digits}f}"
+
+
+NONE_DRIVEN = "-"
+
+
+def driven_joints(rows: Sequence[Row]) -> str:
+    """How many joints a policy gives targets of; NONE_DRIVEN for one that acts otherwise."""
+    counts = {row.get("measures", {}).get("driven_joints") for row in rows} - {None}
+    return ", ".join(map(str, sorted(counts))) or NONE_DRIVEN
 
 
 def recovered_after(row: Row, scenario: Scenario) -> float | None:

@@ -32,7 +32,7 @@ from ..output.rows import differing, read_content, read_json
 from ..rollout import DEFAULT_ENV, environments, policy_source
 from ..rollout.contract import trusted
 from ..rollout.load_policy import is_attribute
-from ..rollout.outcome import Ending, Outcome, Score, check_row
+from ..rollout.outcome import NONE_DRIVEN, Ending, Outcome, Score, check_row, driven_joints
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk
 from .evaluate import FORMAT, configuration
 from .suites import OF_ROBOT, SUITES, Suite, get_suite, with_profile
@@ -243,9 +243,12 @@ def _compare(given: Row, outcome: dict[str, Any]) -> None:
         )
 
 
+DRIVEN = "targets_of"  # of an entry, which one of a policy that moves no joints itself does without
 KEY = 16  # hexadecimal digits of a hash in the name of a file
 PAGE = "README.md"
-COLUMNS = ("policy", "recovered", "rate", "95 % interval", "survived", "policy hash", "code", "checked")
+COLUMNS = (
+    "policy", "recovered", "rate", "95 % interval", "survived", "targets of", "policy hash", "code", "checked"
+)  # fmt: skip
 SUITE: dict[str, Check] = {"name": require_text, "sha256": require_text}
 SCORE: dict[str, Check] = {
     **dict.fromkeys(("recovered", "survived", "episodes"), require_integer),
@@ -261,6 +264,7 @@ FIELDS: dict[str, Check] = {  # of an entry
     "rows_sha256": require_text,
     "score": lambda name, value: check_fields(value, SCORE, name=name),
     "checked": require_integer,
+    DRIVEN: require_text,
 }
 
 Entry = dict[str, Any]
@@ -277,6 +281,7 @@ def entry_of(submission: Submission, policy: str, checked: int) -> Entry:
     """Entry of the board for a policy; `checked` of its rows were run again."""
     rows = submission.rows[policy]
     lines = "\n".join(json.dumps(row, sort_keys=True) for row in rows)
+    driven = driven_joints(rows)
     return {
         "suite": submission.suite.summary(),
         "env": submission.env_id,
@@ -286,7 +291,7 @@ def entry_of(submission: Submission, policy: str, checked: int) -> Entry:
         "rows_sha256": hashlib.sha256(lines.encode()).hexdigest(),
         "score": Score.of(rows).to_dict(),
         "checked": checked,
-    }
+    } | ({} if driven == NONE_DRIVEN else {DRIVEN: driven})
 
 
 def add_entry(board: Path, entry: Entry) -> Path:
@@ -308,7 +313,7 @@ def read_board(board: Path) -> list[Entry]:
     for path in sorted(board.glob("*/*.json")):
         entry = read_json(path)
         try:
-            check_fields(entry, FIELDS)
+            check_fields(entry, FIELDS, {DRIVEN})
         except InvalidValueError as error:
             raise InvalidValueError(f"{str(path)!r} is no entry of a leaderboard: {error}") from error
         place = entry["suite"]["sha256"][:KEY], f"{policy_key(entry)[:KEY]}.json"
@@ -333,7 +338,9 @@ def board_page(entries: Sequence[Entry]) -> str:
         parts.append(f"\n## {name}, {env}\n\nSuite SHA-256 `{digest}`.\n\n{table}")
     parts.append(
         "\nRecovered counts; intervals are Wilson's, 95 %. Checked: rows that were run again, bit for bit, "
-        "when the entry was made. Rows of different code are not of one robot: compare those of equal code.\n"
+        "when the entry was made. Targets of: how many joints a policy moves that was trained elsewhere and "
+        "knows neither model nor velocity. Rows of different code are not of one robot: compare those of "
+        "equal code.\n"
     )
     return "".join(parts)
 
@@ -347,6 +354,7 @@ def _cells(entry: Entry) -> tuple[str, ...]:
         f"{score['rate']:.3f}",
         f"{low:.3f}-{high:.3f}",
         str(score["survived"]),
+        entry.get(DRIVEN, NONE_DRIVEN),
         "-" if digest is None else f"`{digest[:8]}`",
         f"`{entry['code'][:8]}`",
         f"{entry['checked']} of {score['episodes']}",

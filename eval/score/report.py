@@ -1,4 +1,4 @@
-"""An evaluation as tables: rates, pairs, kinds of push, effort, reasons, limits, profiles side by side."""
+"""An evaluation as tables: rates, pairs, kinds of push, effort, reasons, limits; several side by side."""
 
 import statistics
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -12,13 +12,15 @@ from ...envs.scenario.push import Disturbance
 from ...envs.scenario.scenario import Scenario
 from ..output.statistics import PairedCounts, holm
 from ..output.tables import Table, markdown_page, named_apart, write_reports
-from ..rollout.outcome import MEASURES, Measure, Row, Score, limit_words, reason_words
+from ..rollout.outcome import MEASURES, Measure, Row, Score, driven_joints, limit_words, reason_words
 from ..rollout.policy_source import search_words, stated_trials
 from ..rollout.strategy import STRATEGIES, strategy_of
 from .draw import count_of, walk_of
 from .evaluate import Comparison, Evaluation, limit_summary, limits_met
 
-Evaluations = Mapping[str, Evaluation]  # by profile, the first one what the others are held against
+Evaluations = Mapping[
+    str, Evaluation
+]  # by profile, the first one what the others are held against, or by suite
 RECOVERED_NOTE = (
     "Recovered: no fall until {}; over the last two steps DCM offset within 5 cm "
     "of nominal and mean velocity within 0.15 m/s of the command. Intervals: Wilson, 95 %."
@@ -241,12 +243,6 @@ def evaluation_title(evaluation: Evaluation) -> str:
     )
 
 
-def driven_joints(rows: Sequence[Row]) -> str:
-    """How many joints a policy gives targets of; a dash for one that acts otherwise."""
-    counts = {row.get("measures", {}).get("driven_joints") for row in rows} - {None}
-    return ", ".join(map(str, sorted(counts))) or "-"
-
-
 def origin_columns(evaluation: Evaluation) -> tuple[dict[str, dict[str, str]], str]:
     """Columns on where policies come from, each cell by policy, and a note on them.
 
@@ -263,9 +259,10 @@ def origin_columns(evaluation: Evaluation) -> tuple[dict[str, dict[str, str]], s
     return {name: cells for name, (cells, _) in known.items()}, " ".join(note for _, note in known.values())
 
 
-def recovered_note(evaluation: Evaluation) -> str:
-    """What recovered means, with the times after the last push at which a suite's scenarios end."""
-    times = [scenario.settle_time for scenario in evaluation.suite.scenarios if scenario.duration is None]
+def recovered_note(*evaluations: Evaluation) -> str:
+    """What recovered means, with the times after the last push at which the suites' scenarios end."""
+    every = [scenario for one in evaluations for scenario in one.suite.scenarios]
+    times = [scenario.settle_time for scenario in every if scenario.duration is None]
     if not times:
         return RECOVERED_NOTE.format("the end")
     ends = " to ".join(dict.fromkeys(f"{time:.3g}" for time in (min(times), max(times))))
@@ -412,6 +409,8 @@ def comparison_table(comparison: Comparison) -> Table:
         ("turned", *count_cells(*(one.turned for one in scores))),
         ("bent", *count_cells(*(one.bent for one in scores))),
     ]
+    origins, note = origin_columns(comparison.evaluation)
+    counted += [(name, cells[a], cells[b]) for name, cells in origins.items()]
     return Table(
         f"{comparison.evaluation.env_id}: {content['pairs']} pairs of suite {content['suite']}",
         ("", "value"),
@@ -426,24 +425,27 @@ def comparison_table(comparison: Comparison) -> Table:
             *((f"{name} {a}, {b}", ", ".join(counts)) for name, *counts in counted),
             ("exact McNemar p", f"{content['mcnemar_p']:.3g}"),
         ],
-        TURNED_NOTE,
+        f"{TURNED_NOTE} {note}".strip(),
     )  # fmt: skip
 
 
-def profiles_table(evaluations: Evaluations) -> Table:
-    """Rates of each policy, profile by profile, and where it comes from."""
-    first, lines = next(iter(evaluations.values())), []
+def beside_table(evaluations: Evaluations) -> Table:
+    """Rates of the same policies in several evaluations, by profile or by suite, and where they come from."""
+    every = list(evaluations.values())
+    first, lines = every[0], []
     origins, origin_note = origin_columns(first)
     for policy in first.rows:
         cells: list[str] = []
-        for evaluation in evaluations.values():
+        for evaluation in every:
             one = evaluation.score(policy)
             rates = "{} ({})".format(*rate_cells(one)), f"{one.survived / one.episodes:.3f}"
             cells += *rates, *count_cells(one.turned, one.bent)
         lines.append((policy, *cells, *(column[policy] for column in origins.values())))
     headings = (text for name in evaluations for text in (f"recovered, {name}", "survived", "turned", "bent"))
-    note = f"{recovered_note(first)} {TURNED_NOTE} {origin_note}".strip()
-    return Table(evaluation_title(first), ("policy", *headings, *origins), lines, note)
+    note = f"{recovered_note(*every)} {TURNED_NOTE} {origin_note}".strip()
+    ids = {tuple(scenario.id for scenario in one.suite.scenarios) for one in every}
+    title = evaluation_title(first) if len(ids) == 1 else f"{first.env_id}: {len(every)} suites"
+    return Table(title, ("policy", *headings, *origins), lines, note)
 
 
 def kept_table(a: Evaluation, b: Evaluation, title: str) -> Table:
@@ -470,5 +472,5 @@ def write_profiles(evaluations: Evaluations, directory: Path) -> Path:
     (first, base), *others = evaluations.items()
     tables = [kept_table(base, one, f"{name} against {first}") for name, one in others]
     path = directory / f"profiles-{'-'.join(evaluations)}{named_apart(base.directory, base.rows)}.md"
-    write_text(path, markdown_page("Profiles", [profiles_table(evaluations), *tables]))
+    write_text(path, markdown_page("Profiles", [beside_table(evaluations), *tables]))
     return path

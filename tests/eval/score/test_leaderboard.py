@@ -1,6 +1,7 @@
 """Results are taken whole and true, and refused where one row, one count or one hash is not."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -168,6 +169,21 @@ def test_entries_of_other_code_stand_beside(given, tmp_path):
     first.rename(first.with_name("0000.json"))
     with pytest.raises(InvalidValueError, match="belongs in"):
         leaderboard.read_board(board)
+
+
+def test_an_entry_says_how_many_joints_a_policy_of_others_moves(given):
+    """One that moves none itself has no such field, as those made before there were others."""
+    out, suite, (weak, _) = given
+    submission = leaderboard.read_submission(out, suite)
+    entry = leaderboard.entry_of(submission, weak, 5)
+    assert leaderboard.DRIVEN not in entry
+    rows = [row | {"measures": {"driven_joints": 29}} for row in submission.rows[weak]]
+    other = leaderboard.entry_of(replace(submission, rows={weak: rows}), weak, 5)
+    assert other[leaderboard.DRIVEN] == "29"
+    lines = leaderboard.board_page([entry, {**other, "policy": "other"}]).splitlines()
+    cells = [[cell.strip() for cell in line.split("|")] for line in lines if line.startswith("| ")]
+    place = cells[0].index("targets of")
+    assert {row[1]: row[place] for row in cells[2:]} == {weak: "-", "other": "29"}
 
 
 def test_what_is_no_directory_of_results(tmp_path, capsys):

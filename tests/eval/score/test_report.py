@@ -196,7 +196,7 @@ def test_how_much_search_found_a_policy_is_a_column_where_it_is_known(evaluation
     assert {name: cells[name] for name in trials} == {
         name: f"{count} trials" for name, count in trials.items()
     }
-    beside = report.profiles_table({"exact": found, "hardware": found})
+    beside = report.beside_table({"exact": found, "hardware": found})
     assert beside.columns[-1] == "found by"
     assert [cells[-1] for cells in beside.rows] == [cells[-1] for cells in table.rows]
     assert "trials of the search" in beside.note
@@ -305,7 +305,7 @@ def profiles(evaluation):
 
 
 def test_recovered_and_survived_of_each_profile_stand_side_by_side(profiles):
-    table = report.profiles_table(profiles)
+    table = report.beside_table(profiles)
     assert table.columns == (
         "policy", "recovered, exact", "survived", "turned", "bent",
         "recovered, hardware", "survived", "turned", "bent",
@@ -316,7 +316,7 @@ def test_recovered_and_survived_of_each_profile_stand_side_by_side(profiles):
     ]
     for one in profiles["exact"].rows["p"][:2]:  # 1.6 rad is 91.7 degrees, 0.6 rad 34.4
         one["measures"] |= {"trunk_excursion": 1.6, "heading_error": 0.6}
-    assert report.profiles_table(profiles).rows[0][3:5] == ("2", "2")
+    assert report.beside_table(profiles).rows[0][3:5] == ("2", "2")
 
 
 def test_a_comparison_counts_who_turned_or_bent(evaluation):
@@ -357,6 +357,40 @@ def test_the_command_runs_a_suite_under_several_profiles(tmp_path, capsys):
     assert "recovered, hardware" in said
     assert str(tmp_path / "out" / "profiles-exact-hardware.md") in said
     assert (tmp_path / "out" / "hardware" / "report.md").is_file()
+
+
+def test_the_command_runs_a_sample_of_several_suites(tmp_path, capsys):
+    """Evenly spread; each suite has results and a page of its own, and one table shows them all."""
+    argv = ["evaluate", "--suite", "quick", "hard", "--sample", "2", "--policies", "stage-1", "passive"]
+    out = ["--workers", "1", "--out", str(tmp_path)]
+    assert main([*argv, *out, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["suites"]
+    assert [(name, told[name]["suite"]["scenarios"]) for name in told] == [("quick-2", 2), ("hard-2", 2)]
+    assert main([*argv, *out]) == 0  # of the rows that are there
+    said = capsys.readouterr().out
+    assert "PushRecovery/Biped-v0: 2 suites" in said
+    assert said.index("recovered, quick-2") < said.index("recovered, hard-2")
+    for suite, ids in {"quick": {"quick-0000", "quick-0128"}, "hard": {"hard-0000", "hard-0512"}}.items():
+        rows = (tmp_path / f"{suite}-2/outcomes.jsonl").read_text().splitlines()
+        assert {json.loads(row)["scenario_id"] for row in rows} == ids
+        page = (tmp_path / f"{suite}-2/report.html").read_text()
+        assert f"push-recovery evaluate --suite {suite} --sample 2 --policies stage-1 passive" in page
+        assert (
+            f"<span>--suite</span> <span>{suite}</span> <span>--scenario</span>" in page
+        )  # to play one again
+
+
+def test_suites_are_named_once_and_have_names_of_their_own(tmp_path, capsys):
+    one = Suite("one", "1", (Scenario("a", (polar_push(100.0, 0.0, 0.1, 0.2),)),))
+    for name in ("a", "b"):
+        one.save(tmp_path / f"{name}.json")
+    for names, words in {
+        ("hard", "hard"): "--suite must name each one once, got hard hard",
+        (str(tmp_path / "a.json"), str(tmp_path / "b.json")): "two suites of --suite are called 'one'",
+    }.items():
+        assert main(["evaluate", "--suite", *names, "--out", str(tmp_path / "out")]) == 2
+        assert words in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(
