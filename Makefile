@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: run policies tables leaderboard docs test test-newest test-oldest lint format same mutants clean
+.PHONY: run contenders policies tables leaderboard docs test test-newest test-oldest lint format same mutants clean
 
 $(VENV)/run.stamp: pyproject.toml constraints.txt
 	@echo "sets up $(VENV), once: about a minute"
@@ -22,6 +22,17 @@ $(VENV)/dev.stamp: pyproject.toml constraints.txt
 POLICIES := stage-1 stage-1+momentum two-stage residual residual-hardware joint-residual joint-residual-hardware joint
 run: $(VENV)/run.stamp
 	$(BIN)/push-recovery evaluate --suite quick --profile exact hardware --policies $(POLICIES)
+
+# policies of others beside every variant of the planner, on 48 pushes each of three suites, on two robots
+PLANNERS := two-stage stage-1+cop stage-1+momentum stage-1 raibert herdt fixed-time
+THREE := --suite hard standing kick --sample 48 --policies
+contenders: $(VENV)/run.stamp
+	@$(PIP) -e '.[play,report,contenders,robots]'
+	@$(PIP) --no-deps holosoma-inference
+	$(BIN)/push-recovery evaluate --env PushRecovery/G1-v0 $(THREE) $(PLANNERS) \
+	  joint-residual-g1 joint-g1 residual-g1 holosoma-g1-fastsac holosoma-g1-ppo
+	$(BIN)/push-recovery evaluate --env PushRecovery/T1-v0 $(THREE) $(PLANNERS) \
+	  joint-residual-t1 holosoma-t1-fastsac holosoma-t1-ppo
 
 test: $(VENV)/dev.stamp
 	$(BIN)/python -m pytest -n 2 tests

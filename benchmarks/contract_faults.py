@@ -2,8 +2,8 @@
 
     python benchmarks/contract_faults.py holosoma-g1-ppo
 
-Faults: two joints exchanged, a scale off by a factor, a clock that stands. Weak: noise on the weights of the
-network, as much as brings it down. Each case is checked as `push-recovery policy check` does.
+Faults: two joints exchanged, a scale or gains off by a factor, a clock that stands. Weak: noise on the
+weights of the network, as much as brings it down. Each case is checked as `push-recovery policy check` does.
 """
 
 import sys
@@ -16,13 +16,22 @@ import numpy as np
 import onnx
 from onnx import numpy_helper
 from push_recovery.eval.robot_tools.policy_check import Controls, diagnose, robot_of
-from push_recovery.eval.rollout.contract import GROUP, NAMES, SCALE, PolicyContract, read_contract
+from push_recovery.eval.rollout.contract import (
+    DAMPING,
+    GROUP,
+    NAMES,
+    SCALE,
+    STIFFNESS,
+    PolicyContract,
+    read_contract,
+)
 
 SWAPS = ((0, 1), (3, 4), (9, 10), (0, 6), (12, 13), (3, 9))  # places in the network's output
 SCALES = (
     ("base_ang_vel", 4.0), ("joint_vel_rel", 20.0), ("joint_pos_rel", 5.0), ("action", 4.0),
     ("projected_gravity", -1.0),
 )  # fmt: skip
+GAINS = ((STIFFNESS, 0.25), (STIFFNESS, 4.0), (DAMPING, 6.0))
 NOISES = (0.3, 0.5, 0.7, 1.0, 0.6, 0.8, 0.4)  # of a weight, in its layer's standard deviation
 
 
@@ -42,6 +51,13 @@ def with_scale(given: PolicyContract, term: str, factor: float) -> PolicyContrac
     for one in contract.get(f"{GROUP}.terms"):
         if one["id"] == term:
             one["scale"] = [factor * value for value in one["scale"]]
+    return replace(given, contract=contract)
+
+
+def with_gains(given: PolicyContract, field: str, factor: float) -> PolicyContract:
+    """Stiffness or damping of all joints off by a factor."""
+    contract = given.contract.copy()
+    contract.set(field, {name: factor * value for name, value in contract.get(field).items()})
     return replace(given, contract=contract)
 
 
@@ -76,6 +92,8 @@ def main() -> None:
         cases += [(f"scale of {term} x {factor:g}", "contract", with_scale(given, term, factor))
                   for term, factor in SCALES]  # fmt: skip
         cases += [(f"clock of {period:g} s", "contract", with_clock(given, period)) for period in (1e6, 0.3)]
+        cases += [(f"{field} x {factor:g}", "contract", with_gains(given, field, factor))
+                  for field, factor in GAINS]  # fmt: skip
         cases += [(f"weights off by {noise:g}", "weak", weakened(given, noise, seed, Path(folder)))
                   for seed, noise in enumerate(NOISES)]  # fmt: skip
         for name, kind, case in cases:

@@ -2,9 +2,9 @@
 
 An unpushed control stands and walks five commands. Where it falls or goes astray, contracts that differ from
 the one given in a single thing, as adapters usually do, are tried: two joints exchanged, a scale off by a
-usual factor, a clock that stands or has another period, gravity or the command with another sign. If one of
-them passes the whole control, the contract is at fault there; if none does, the policy is weak, or the fault
-is none of those that were tried, such as a gain, an angle of the default pose, or two faults at once.
+usual factor, gains off by one, a clock that stands or has another period, gravity or the command with another
+sign. If one of them passes the whole control, the contract is at fault there; if none does, the policy is
+weak, or the fault is none of those that were tried, such as an angle of the default pose, or two at once.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from ...envs.joint.full_body import FullBodyEnv, driven, joint_names
 from ...envs.robots.compiled_robot import compiled_robot
 from ...envs.robots.description import robot_description
 from ...envs.scenario.scenario import Command, Scenario
+from ..output.progress import Work, about, progress_bars
 from ..rollout.contender import Contender
-from ..rollout.contract import NAMES, SCALE, TERMS, PolicyContract, term_field
+from ..rollout.contract import DAMPING, NAMES, SCALE, STIFFNESS, TERMS, PolicyContract, term_field
 from ..rollout.episodes import rollout
 
 SECONDS = 10.0  # of a control
@@ -147,6 +148,7 @@ class Repair:
 
 DEGREES = 180.0 / np.pi
 FACTORS = (2.0, 0.5, 4.0, 0.25, 5.0, 0.2, 10.0, 0.1, 20.0, 0.05, DEGREES, 1.0 / DEGREES)
+GAINS = (2.0, 0.5, 4.0, 0.25, 10.0, 0.1)
 PERIODS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2)
 
 
@@ -187,12 +189,13 @@ def repairs(given: PolicyContract) -> Iterator[Repair]:
                 parameter(i, "period", period)(c)
 
         yield changed(f"{fields[clocks[0]]}.params.period", f"{period:g} s", tick)
-    for factor in FACTORS:
+    for field, factors in ((SCALE, FACTORS), (STIFFNESS, GAINS), (DAMPING, GAINS)):
+        for factor in factors:
 
-        def act(c: Any, factor: float = factor) -> None:
-            c.set(SCALE, {name: factor * value for name, value in c.get(SCALE).items()})
+            def act(c: Any, field: str = field, factor: float = factor) -> None:
+                c.set(field, {name: factor * value for name, value in c.get(field).items()})
 
-        yield changed(SCALE, f"times {factor:g}", act)
+            yield changed(field, f"times {factor:g}", act)
     joints = list(given.joints)
     for first, second in combinations(range(len(joints)), 2):
         names = list(joints)
@@ -202,6 +205,7 @@ def repairs(given: PolicyContract) -> Iterator[Repair]:
 
 
 SHORT = 3.0  # of the first look at a repair [s]
+TRY = 0.3  # of a core for that, about [s]
 
 
 def find_fault(given: PolicyContract, controls: Controls, found: dict[str, Control]) -> Repair | None:
@@ -209,12 +213,15 @@ def find_fault(given: PolicyContract, controls: Controls, found: dict[str, Contr
 
     A repair has to do better within SHORT at the control that failed first, before the whole of it is run.
     """
-    first = next(name for name, control in found.items() if not control.passed)
-    for repair in repairs(given):
-        if controls.run(repair.contract, CONTROLS[first], SHORT).fell_at is not None:
-            continue
-        if all(controls.run(repair.contract, one, SECONDS).passed for one in CONTROLS.values()):
-            return repair
+    first, tried = next(name for name, one in found.items() if not one.passed), list(repairs(given))
+    what = f"it does not pass {first!r}: {len(tried)} contracts that differ in one thing"
+    with progress_bars(["contracts"], len(tried), Work(what, about(TRY * len(tried)))) as bars:
+        for number, repair in enumerate(tried):
+            bars.set("contracts", number, repair.field)
+            if controls.run(repair.contract, CONTROLS[first], SHORT).fell_at is not None:
+                continue
+            if all(controls.run(repair.contract, one, SECONDS).passed for one in CONTROLS.values()):
+                return repair
     return None
 
 

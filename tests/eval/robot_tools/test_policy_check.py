@@ -23,7 +23,7 @@ from push_recovery.eval.robot_tools.policy_check import (
     repairs,
     robot_of,
 )
-from push_recovery.eval.rollout.contract import GROUP, NAMES, SCALE, read_contract
+from push_recovery.eval.rollout.contract import DAMPING, GROUP, NAMES, SCALE, STIFFNESS, TERMS, read_contract
 
 onnx = pytest.importorskip("onnx")
 pytest.importorskip("gaitkeeper")
@@ -267,7 +267,7 @@ def test_a_clock_is_tried_with_other_periods_and_with_the_other_sign():
     terms = [{"id": "gait_phase", "scale": [1.0, 1.0], "dim": 2},
              {"id": "base_ang_vel", "scale": [0.25], "dim": 3}]  # fmt: skip
     name = f"{GROUP}.terms"
-    tried = list(repairs(Given(Fields({name: terms, SCALE: {}}))))
+    tried = list(repairs(Given(Fields({name: terms, SCALE: {}, STIFFNESS: {}, DAMPING: {}}))))
     clocks = [one for one in tried if one.field.endswith("period")]
     periods = [(one.what, one.contract.get(name)[0]["params"]) for one in clocks]
     wanted = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2)
@@ -277,6 +277,26 @@ def test_a_clock_is_tried_with_other_periods_and_with_the_other_sign():
     doubled = next(one for one in tried if one.field.endswith("base_ang_vel.scale"))
     assert (doubled.what, doubled.contract.get(name)[1]["scale"]) == ("times 2", [0.5, 0.5, 0.5])
     assert terms[0] == {"id": "gait_phase", "scale": [1.0, 1.0], "dim": 2}
+
+
+@pytest.mark.parametrize("field", [STIFFNESS, DAMPING])
+def test_gains_of_all_joints_are_tried_off_by_a_factor(field):
+    gains = {STIFFNESS: {"hip": 40.0, "knee": 60.0}, DAMPING: {"hip": 2.0, "knee": 4.0}}
+    tried = list(repairs(Given(Fields({TERMS: [], SCALE: {}, **gains}))))
+    found = {one.what: one.contract for one in tried if one.field == field}
+    assert list(found) == [f"times {factor}" for factor in ("2", "0.5", "4", "0.25", "10", "0.1")]
+    other = DAMPING if field == STIFFNESS else STIFFNESS
+    assert found["times 0.25"].get(field) == {name: 0.25 * value for name, value in gains[field].items()}
+    assert found["times 0.25"].get(other) == gains[other]
+
+
+def test_a_search_for_the_fault_says_what_it_tries_and_how_long_that_takes(monkeypatch, capsys):
+    monkeypatch.setattr(policy_check, "repairs", lambda given: [Repair(name, "", name) for name in "ab"])
+    found = {"stand": Control(Command(), 1.0, (0.0, 0.0), 0.0, 0.0)}
+    falls = SimpleNamespace(run=lambda contract, command, seconds: found["stand"])
+    assert find_fault(None, falls, found) is None
+    said = capsys.readouterr().err
+    assert said.startswith("it does not pass 'stand': 2 contracts that differ in one thing: a few seconds\n")
 
 
 @pytest.mark.parametrize(("left", "passed"), [(0.3, True), (-0.3, False)])

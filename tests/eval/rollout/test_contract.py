@@ -522,6 +522,19 @@ def test_a_damaged_file_beside_the_network_is_named(mjlab, tmp_path, text, why):
         read_contract(path)
 
 
+@pytest.mark.parametrize("name", ["deploy.yaml", "g1.yaml", "contract.yaml"])
+def test_what_a_yaml_file_asks_to_be_run_is_not_run(mjlab, tmp_path, name):
+    path, trace = mjlab(), tmp_path / "trace"
+    text = "\n".join(f"{key}: !!python/object/apply:os.mkdir ['{trace}']" for key in ("schema", "kps"))
+    (tmp_path / name).write_text(text)
+    for given in {str(tmp_path / name), path if name == "deploy.yaml" else str(tmp_path / name)}:
+        with pytest.raises(InvalidValueError, match="could not determine a constructor"):
+            read_contract(given)
+    assert not trace.exists()
+    with pytest.raises(FileExistsError):  # a loader that trusts runs it twice
+        yaml.unsafe_load(text)
+
+
 @pytest.mark.parametrize(
     ("name", "text", "lacks"),
     [("deploy.yaml", "joint_ids_map: [0]\nstiffness: [1]", "step_dt"), ("a.yaml", "kps: [1]", "num_actions")],
