@@ -16,15 +16,8 @@ import numpy as np
 import onnx
 from onnx import numpy_helper
 from push_recovery.eval.robot_tools.policy_check import Controls, diagnose, robot_of
-from push_recovery.eval.rollout.contract import (
-    DAMPING,
-    GROUP,
-    NAMES,
-    SCALE,
-    STIFFNESS,
-    PolicyContract,
-    read_contract,
-)
+from push_recovery.eval.rollout.contract import DAMPING, GROUP, NAMES, SCALE, STIFFNESS, PolicyContract
+from push_recovery.eval.rollout.contract_files import read_contract
 
 SWAPS = ((0, 1), (3, 4), (9, 10), (0, 6), (12, 13), (3, 9))  # places in the network's output
 SCALES = (

@@ -18,7 +18,7 @@ from unittest.mock import MagicMock
 import numpy as np
 from push_recovery.eval.robot_tools.policy_check import Controls, robot_of
 from push_recovery.eval.rollout.contender import Contender
-from push_recovery.eval.rollout.contract import read_contract
+from push_recovery.eval.rollout.contract_files import read_contract
 
 from push_recovery import Command, CommandChange, Push, Scenario
 

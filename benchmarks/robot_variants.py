@@ -16,9 +16,8 @@ import numpy as np
 from push_recovery.controllers.model.capturability import max_recoverable_force
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.robots.biped import ROBOT
+from push_recovery.envs.robots.biped import HELD_VARIANTS, ROBOT, VARIANTS
 from push_recovery.envs.robots.description import RobotDescription
-from push_recovery.envs.robots.variants import HELD_VARIANTS, VARIANTS
 from push_recovery.envs.scenario.push import GaitEvent, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 

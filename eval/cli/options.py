@@ -140,7 +140,7 @@ class TrustOption(Options):
 
     def trusted(self, policies: Sequence[str]) -> list[Any]:
         """The policies, those that may run code under their label; without trust they stay, to be refused."""
-        from ..rollout.contract import trusted
+        from ..rollout.contract_files import trusted
 
         if not self.trust:
             return list(policies)

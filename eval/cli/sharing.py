@@ -211,7 +211,7 @@ class PolicyCommand(JsonOption):
     def run(self) -> None:
         """Read, write, print; with check: run the controls."""
         from ..output.rows import require_place
-        from ..rollout.contract import changes_of, read_contract
+        from ..rollout.contract_files import changes_of, read_contract
 
         if self.out is not None and Path(self.out).suffix not in (".yaml", ".yml"):
             raise InvalidValueError(

@@ -22,7 +22,7 @@ from ...envs.robots.description import robot_description
 from ...envs.scenario.scenario import EXACT, Profile, Scenario, get_profile
 from ..output.rows import read_content
 from . import DEFAULT_ENV, NAMESPACE
-from .contract import contract_name, is_contract, read_contract
+from .contract_files import contract_name, is_contract, read_contract
 from .load_policy import FOLDER, import_from_here, is_policy_file, policy_names, shipped_names, source_of
 
 ROBOT_FILE = ".robot.json"

@@ -28,7 +28,7 @@ from .. import sampling_mpc
 from ..output.rows import read_json
 from . import DEFAULT_ENV
 from .contender import Contender
-from .contract import PACKAGED, Trusted, contract_name, is_contract, read_contract
+from .contract_files import PACKAGED, Trusted, contract_name, is_contract, read_contract
 
 FOLDER = Path(__file__).parent / "policies"
 NAMES = (

@@ -21,7 +21,7 @@ from ...controllers.settings import VARIANTS, read_preset
 from ...envs.scenario.scenario import Scenario
 from .. import sampling_mpc
 from ..output import progress, rows
-from .contract import contract_name, read_contract
+from .contract_files import contract_name, read_contract
 from .environments import make_env, make_env_for
 from .load_policy import (
     acting,

@@ -30,7 +30,7 @@ from ...envs.scenario.scenario import Scenario
 from ..output import progress, tables
 from ..output.rows import differing, read_content, read_json
 from ..rollout import DEFAULT_ENV, environments, policy_source
-from ..rollout.contract import trusted
+from ..rollout.contract_files import trusted
 from ..rollout.load_policy import is_attribute
 from ..rollout.outcome import NONE_DRIVEN, Ending, Outcome, Score, check_row, driven_joints
 from ..rollout.workers import chunk_sizes, make_chunks, parallel, run_chunk

@@ -23,7 +23,7 @@ from push_recovery.controllers.whole_body.kinematics import NU, PELVIS
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS, BipedCore
 from push_recovery.envs.biped.env import BipedEnv, BipedEpisodes
 from push_recovery.envs.biped.period import sensing_step
-from push_recovery.envs.robots.variants import ARMS_HELD, NO_WAIST_ROLL
+from push_recovery.envs.robots.biped import ARMS_HELD, NO_WAIST_ROLL
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import GaitEvent, Push, polar_push
 from push_recovery.envs.scenario.scenario import SENSING, Command, Scenario

@@ -10,8 +10,7 @@ from push_recovery.controllers.whole_body import kinematics
 from push_recovery.controllers.whole_body.kinematics import KNEE, LEG_DOF, NU, NV, ROW, TASKS, sole_position
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.posture import posture
-from push_recovery.envs.robots.biped import PLAN, biped_model
-from push_recovery.envs.robots.variants import VARIANTS
+from push_recovery.envs.robots.biped import PLAN, VARIANTS, biped_model
 
 LEG_QPOS = (9, 15)  # first joint coordinate of the left and the right leg
 

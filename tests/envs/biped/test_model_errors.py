@@ -17,9 +17,8 @@ from push_recovery.controllers.whole_body.kinematics import FOOT_BODY, PELVIS, T
 from push_recovery.envs.biped import model_errors
 from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.model_errors import LONGEST_DELAY, RATE_NOISE, altered_model
-from push_recovery.envs.robots.biped import PLAN, biped, biped_model
+from push_recovery.envs.robots.biped import ARMS_HELD, PLAN, biped, biped_model
 from push_recovery.envs.robots.compiled_robot import compiled_robot
-from push_recovery.envs.robots.variants import ARMS_HELD
 from push_recovery.envs.scenario.model_errors import EXACT_MODEL, ModelErrors, PhysicsOptions
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario

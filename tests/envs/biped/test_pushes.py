@@ -22,10 +22,9 @@ from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.episode.vector_env import GaitVectorEnv
 from push_recovery.envs.pendulum.env import PendulumEpisodes
-from push_recovery.envs.robots.biped import biped_model
+from push_recovery.envs.robots.biped import ARMS_HELD, biped_model
 from push_recovery.envs.robots.compiled_robot import CompiledRobot
 from push_recovery.envs.robots.description import robot_description
-from push_recovery.envs.robots.variants import ARMS_HELD
 from push_recovery.envs.scenario.arrays import Kicks
 from push_recovery.envs.scenario.model_errors import BOUNDS, ModelErrors
 from push_recovery.envs.scenario.push import FORCE_MAX, Body, GaitEvent, Kick, Push

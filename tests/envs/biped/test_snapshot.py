@@ -37,7 +37,7 @@ SCENARIOS = (
     Scenario("stairs", (LATE,), Command(0.3), errors=ModelErrors(terrain=STAIRS, floor_known=True)),
     Scenario("rk4", (PUSH,), noise_seed=7, errors=NOISY, physics=PhysicsOptions(0.001, "rk4")),
 )
-VARIANTS = "push_recovery.envs.robots.variants"
+VARIANTS = "push_recovery.envs.robots.biped"
 BEFORE, AFTER = 78, 100  # periods: a first push is on or over, a second one and a command are to come
 
 
@@ -326,7 +326,7 @@ def test_a_new_push_must_begin_after_the_snapshot(walked):
     ("kwargs", "message"),
     [
         (
-            {"robot": "push_recovery.envs.robots.variants:ANKLE_ROLL_FIRST"},
+            {"robot": "push_recovery.envs.robots.biped:ANKLE_ROLL_FIRST"},
             "taken of another robot",
         ),
         ({"control_hz": 50.0}, "another planning rate, '100 Hz', than this environment has, '50 Hz'"),

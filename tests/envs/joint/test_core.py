@@ -23,8 +23,7 @@ from push_recovery.envs.episode.period_end import REWARD_TERMS
 from push_recovery.envs.joint.core import write_floor_points
 from push_recovery.envs.joint.env import FROM_GAIT, JOINT_REWARD_TERMS, JointEpisodes, JointResidualEpisodes
 from push_recovery.envs.joint.full_body import FullBodyEpisodes
-from push_recovery.envs.robots.biped import biped, biped_model
-from push_recovery.envs.robots.variants import NO_WAIST
+from push_recovery.envs.robots.biped import NO_WAIST, biped, biped_model
 from push_recovery.envs.scenario.disturbances import Impactor
 from push_recovery.envs.scenario.push import GaitEvent, Push
 from push_recovery.envs.scenario.scenario import Command, Scenario

@@ -30,7 +30,7 @@ from push_recovery.envs.joint.env import (
     velocity,
     write_rewards,
 )
-from push_recovery.envs.robots.variants import HELD_VARIANTS, NO_WAIST_ROLL, VARIANTS
+from push_recovery.envs.robots.biped import HELD_VARIANTS, NO_WAIST_ROLL, VARIANTS
 from push_recovery.envs.scenario.scenario import Command, Scenario
 
 APEX, T = 0.05, 0.4

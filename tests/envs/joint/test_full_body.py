@@ -29,8 +29,8 @@ from push_recovery.envs.joint.full_body import (
     joint_names,
     posed,
 )
+from push_recovery.envs.robots.biped import ARM, ARM_TORQUE, ARMS_HELD
 from push_recovery.envs.robots.compiled_robot import compiled_robot
-from push_recovery.envs.robots.variants import ARM, ARM_TORQUE, ARMS_HELD
 from push_recovery.envs.scenario.disturbances import Impactor, Slip
 from push_recovery.envs.scenario.push import GaitEvent, Kick, Push
 from push_recovery.envs.scenario.scenario import Command, CommandChange, Scenario, StartOffset

@@ -15,20 +15,23 @@ from push_recovery.controllers.whole_body.kinematics import ANY_AXES, MEETING_AX
 from push_recovery.envs.biped.core import BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.posture import leg_geometry, posture
-from push_recovery.envs.robots.biped import PLAN, ROBOT, biped, spec
-from push_recovery.envs.robots.compiled_robot import CompiledRobot, compiled_robot, robot_model
-from push_recovery.envs.robots.description import robot_description
-from push_recovery.envs.robots.indices import MISSING
-from push_recovery.envs.robots.variants import (
+from push_recovery.envs.robots.biped import (
     ANKLE_ROLL_FIRST,
     ARMS_HELD,
     HELD_VARIANTS,
     HIPS_PITCH_ROLL_YAW,
     LEGS_BELOW_A_YAW,
     NO_WAIST_ROLL,
+    PLAN,
+    ROBOT,
     VARIANTS,
+    biped,
     pitch_roll_yaw_hips,
+    spec,
 )
+from push_recovery.envs.robots.compiled_robot import CompiledRobot, compiled_robot, robot_model
+from push_recovery.envs.robots.description import robot_description
+from push_recovery.envs.robots.indices import MISSING
 from push_recovery.envs.scenario.model_errors import ModelErrors
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Scenario
@@ -277,7 +280,7 @@ def test_a_motor_that_does_not_give_the_torque_it_is_told_is_refused():
 
 def test_a_robot_is_loaded_by_name_or_place():
     assert robot_description("biped") is ROBOT
-    place = "push_recovery.envs.robots.variants:NO_WAIST_ROLL"
+    place = "push_recovery.envs.robots.biped:NO_WAIST_ROLL"
     assert robot_description(place) is NO_WAIST_ROLL
     with pytest.raises(UnknownNameError, match="biped"):
         robot_description("bipde")

@@ -15,7 +15,7 @@ from push_recovery.envs.biped.core import BIPED, BIPED_LIMITS
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.robots.description import check_preset, register_robot
 
-PLACE = "push_recovery.envs.robots.variants:NO_WAIST_ROLL"
+PLACE = "push_recovery.envs.robots.biped:NO_WAIST_ROLL"
 
 
 @pytest.fixture

@@ -25,7 +25,7 @@ from push_recovery.eval.protocols.report import (
 )
 from push_recovery.eval.protocols.run import PushProtocol, Results, run_watched
 from push_recovery.eval.protocols.tour import tour_scenario
-from push_recovery.eval.rollout.contract import Trusted
+from push_recovery.eval.rollout.contract_files import Trusted
 from push_recovery.eval.rollout.workers import Runner
 
 BIPED, ROBOT = "PushRecovery/Biped-v0", RobotModel()

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from push_recovery.controllers.errors import InvalidValueError
 from push_recovery.envs.robots.adapt import FOLDER
-from push_recovery.envs.robots.biped import PLAN, spec
+from push_recovery.envs.robots.biped import ARM, NO_WAIST, PLAN, arms_over_a_waist_of_three, spec
 from push_recovery.envs.robots.model_files import PACKAGES
 from push_recovery.envs.robots.robot_file import read_robot_file
-from push_recovery.envs.robots.variants import ARM, NO_WAIST, arms_over_a_waist_of_three
 from push_recovery.eval.robot_tools.guess import guess_plan, guess_soles, read_skeleton
 
 from ...envs.robots.wordings import Wording

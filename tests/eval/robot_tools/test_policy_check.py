@@ -23,7 +23,8 @@ from push_recovery.eval.robot_tools.policy_check import (
     repairs,
     robot_of,
 )
-from push_recovery.eval.rollout.contract import DAMPING, GROUP, NAMES, SCALE, STIFFNESS, TERMS, read_contract
+from push_recovery.eval.rollout.contract import DAMPING, GROUP, NAMES, SCALE, STIFFNESS, TERMS
+from push_recovery.eval.rollout.contract_files import read_contract
 
 onnx = pytest.importorskip("onnx")
 pytest.importorskip("gaitkeeper")

@@ -20,18 +20,15 @@ from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 from push_recovery.eval.cli.main import main
 from push_recovery.eval.rollout.contender import Contender, Episode
-from push_recovery.eval.rollout.contract import (
-    LIMITS,
-    NAMES,
+from push_recovery.eval.rollout.contract import LIMITS, NAMES
+from push_recovery.eval.rollout.contract import RATE as RATE_FIELD
+from push_recovery.eval.rollout.contract_files import (
     PACKAGED,
     Trusted,
     changes_of,
     contract_file,
     is_contract,
     read_contract,
-)
-from push_recovery.eval.rollout.contract import (
-    RATE as RATE_FIELD,
 )
 from push_recovery.eval.rollout.episodes import rollout
 from push_recovery.eval.rollout.load_policy import policy_names
@@ -720,7 +717,7 @@ def test_observations_and_targets_are_those_of_holosomas_own_code(robot, tmp_pat
 def test_packaged_policies_go_by_name_and_say_how_to_install_them(monkeypatch):
     assert set(PACKAGED) <= set(policy_names())
     assert all(is_contract(name) for name in PACKAGED)
-    monkeypatch.setattr("push_recovery.eval.rollout.contract.find_spec", lambda name: None)
+    monkeypatch.setattr("push_recovery.eval.rollout.contract_files.find_spec", lambda name: None)
     with pytest.raises(InvalidValueError, match=r"install it with: pip install --no-deps holosoma-inference"):
         contract_file("holosoma-g1-ppo")
 

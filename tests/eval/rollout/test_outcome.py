@@ -15,7 +15,7 @@ from push_recovery.controllers.whole_body.kinematics import NU, NV
 from push_recovery.envs.biped.core import BipedCore
 from push_recovery.envs.biped.env import BipedEpisodes
 from push_recovery.envs.biped.limits_record import LimitsReport
-from push_recovery.envs.robots.variants import ARMS_HELD
+from push_recovery.envs.robots.biped import ARMS_HELD
 from push_recovery.envs.scenario.arrays import empty_pushes
 from push_recovery.envs.scenario.push import Push, polar_push
 from push_recovery.envs.scenario.scenario import Command, Scenario

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from push_recovery.controllers.policies.two_stage import make_policy
 from push_recovery.envs.biped.env import BipedEpisodes
-from push_recovery.envs.robots.variants import HELD_VARIANTS, VARIANTS, legs_below_a_yaw
+from push_recovery.envs.robots.biped import HELD_VARIANTS, VARIANTS, legs_below_a_yaw
 from push_recovery.envs.scenario.push import Push
 from push_recovery.envs.scenario.scenario import Command, Scenario
 
