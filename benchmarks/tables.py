@@ -48,7 +48,7 @@ def main() -> None:
         evaluate(policies, suite, workers=default_workers()) for suite in (SUITE, EVERY_KIND)
     )
     text = PAGE.read_text(encoding="utf-8")
-    mark = "<!-- figures: push-recovery evaluate --suite SUITE --policies raibert"
+    mark = f"<!-- figures: push-recovery evaluate --suite {SUITE} {EVERY_KIND} --policies raibert"
     begin = text.index(mark)
     end = text.index("<!-- end -->", begin)
     content = f"{figures(policies, found, of_every_kind)}\n\n{table(found, of_every_kind)}\n"
@@ -67,7 +67,7 @@ def figures(policies: list[str], *found: Evaluation) -> str:
     commit = subprocess.run(git, check=True, capture_output=True, text=True).stdout.strip()  # noqa: S603
     preset = Path(presets.__file__).parent / "presets" / "biped.json"
     digest = hashlib.sha256(preset.read_bytes()).hexdigest()[:12]
-    command = f"push-recovery evaluate --suite SUITE --policies {' '.join(policies)}"
+    command = f"push-recovery evaluate --suite {SUITE} {EVERY_KIND} --policies {' '.join(policies)}"
     suites = "; ".join(f"suite {one.suite.name} {one.suite.sha256[:12]}" for one in found)
     return f"<!-- figures: {command}; commit {commit}; {suites}; preset biped {digest} -->"
 
