@@ -99,26 +99,24 @@ class Evaluate(SuiteOptions):
             name: {profile: self.pushes_under(name, profile) for profile in self.profile}
             for name in self.suite or (None,)
         }
-        policies, every = (
-            self.trusted(self.policies),
-            [s for pushes in suites.values() for s in pushes.values()],
-        )
-        if len({suite.name for suite in every}) < len(every):
-            raise InvalidValueError(f"two suites of --suite are called {every[0].name!r}")
+        every = [suite for by_profile in suites.values() for suite in by_profile.values()]
+        names, policies = [suite.name for suite in every], self.trusted(self.policies)
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise InvalidValueError(f"two suites of --suite are called {twice[0]!r}")
         if len(every) > 1:  # so that nothing is scored in vain
             with closing(Runner(self.env_id, policy_sources(policies))) as runner:
                 runner.check_can_begin(one for suite in every for one in suite.scenarios)
-        evaluations, objects, table, lines, several = [], {}, None, [], len(suites) > 1
-        for name, pushes in suites.items():
-            one, place, label = self, self.directory, next(iter(pushes.values())).name
+        evaluations, objects, tables, lines, several = [], {}, [], [], len(suites) > 1
+        for name, by_profile in suites.items():
+            one, place, label = self, self.directory, next(iter(by_profile.values())).name
             if several:
                 one, place = replace(self, suite=(name,)), place and place / label
-            found, objects[label], table, more = one.scored(pushes, policies, place)
+            found, objects[label], table, more = one.scored(by_profile, policies, place)
             evaluations += found.values()
+            tables.append(table)
             lines += more
         if several:
-            table = report.beside_table({one.suite.name: one for one in evaluations})
-        tables = [] if table is None else [table]
+            tables = [report.beside_table({one.suite.name: one for one in evaluations})]
         self.show({"suites": objects} if several else next(iter(objects.values())), tables, lines)
         for one in evaluations:
             self.make_films(one, policies)

@@ -1,8 +1,8 @@
 """Does a policy of others do unpushed what its contract says? And if not: is it the contract, or the policy?
 
 An unpushed control stands and walks five commands. Where it falls or goes astray, contracts that differ from
-the one given in a single thing, as adapters usually do, are tried: two joints exchanged, a scale off by a
-usual factor, gains off by one, a clock that stands or has another period, gravity or the command with another
+the one given in a single thing, as adapters usually do, are tried: two joints exchanged, a scale or the
+gains off by a usual factor, a clock that stands or has another period, gravity or the command with another
 sign. If one of them passes the whole control, the contract is at fault there; if none does, the policy is
 weak, or the fault is none of those that were tried, such as an angle of the default pose, or two at once.
 """
@@ -222,6 +222,7 @@ def find_fault(given: PolicyContract, controls: Controls, found: dict[str, Contr
                 continue
             if all(controls.run(repair.contract, one, SECONDS).passed for one in CONTROLS.values()):
                 return repair
+        bars.set("contracts", len(tried))
     return None
 
 

@@ -354,7 +354,7 @@ def _cells(entry: Entry) -> tuple[str, ...]:
         f"{score['rate']:.3f}",
         f"{low:.3f}-{high:.3f}",
         str(score["survived"]),
-        entry.get(DRIVEN, NONE_DRIVEN),
+        entry.get(DRIVEN, NONE_DRIVEN).replace("|", "\\|"),
         "-" if digest is None else f"`{digest[:8]}`",
         f"`{entry['code'][:8]}`",
         f"{entry['checked']} of {score['episodes']}",
