@@ -21,10 +21,9 @@ from push_recovery.eval.rollout.contract_files import read_contract
 
 SWAPS = ((0, 1), (3, 4), (9, 10), (0, 6), (12, 13), (3, 9))  # places in the network's output
 SCALES = (
-    ("base_ang_vel", 4.0), ("joint_vel_rel", 20.0), ("joint_pos_rel", 5.0), ("action", 4.0),
-    ("projected_gravity", -1.0),
+    ("base_ang_vel", 4.0), ("joint_vel_rel", 20.0), ("joint_pos_rel", 5.0), ("projected_gravity", -1.0),
 )  # fmt: skip
-GAINS = ((STIFFNESS, 0.25), (STIFFNESS, 4.0), (DAMPING, 6.0))
+OF_JOINTS = ((SCALE, 4.0), (STIFFNESS, 0.25), (STIFFNESS, 4.0), (DAMPING, 6.0))
 NOISES = (0.3, 0.5, 0.7, 1.0, 0.6, 0.8, 0.4)  # of a weight, in its layer's standard deviation
 
 
@@ -37,18 +36,16 @@ def with_joints(given: PolicyContract, first: int, second: int) -> PolicyContrac
 
 
 def with_scale(given: PolicyContract, term: str, factor: float) -> PolicyContract:
-    """The scale of a term or of the action off by a factor."""
+    """The scale of a term off by a factor."""
     contract = given.contract.copy()
-    if term == "action":
-        contract.set(SCALE, {name: factor * value for name, value in contract.get(SCALE).items()})
     for one in contract.get(f"{GROUP}.terms"):
         if one["id"] == term:
             one["scale"] = [factor * value for value in one["scale"]]
     return replace(given, contract=contract)
 
 
-def with_gains(given: PolicyContract, field: str, factor: float) -> PolicyContract:
-    """Stiffness or damping of all joints off by a factor."""
+def with_factor(given: PolicyContract, field: str, factor: float) -> PolicyContract:
+    """The numbers of all joints in a field off by a factor: scale of the action, stiffness or damping."""
     contract = given.contract.copy()
     contract.set(field, {name: factor * value for name, value in contract.get(field).items()})
     return replace(given, contract=contract)
@@ -85,8 +82,8 @@ def main() -> None:
         cases += [(f"scale of {term} x {factor:g}", "contract", with_scale(given, term, factor))
                   for term, factor in SCALES]  # fmt: skip
         cases += [(f"clock of {period:g} s", "contract", with_clock(given, period)) for period in (1e6, 0.3)]
-        cases += [(f"{field} x {factor:g}", "contract", with_gains(given, field, factor))
-                  for field, factor in GAINS]  # fmt: skip
+        cases += [(f"{field} x {factor:g}", "contract", with_factor(given, field, factor))
+                  for field, factor in OF_JOINTS]  # fmt: skip
         cases += [(f"weights off by {noise:g}", "weak", weakened(given, noise, seed, Path(folder)))
                   for seed, noise in enumerate(NOISES)]  # fmt: skip
         for name, kind, case in cases:

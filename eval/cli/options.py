@@ -52,12 +52,12 @@ def within(low: float, high: float = math.inf) -> dict[str, tuple[float, float]]
     return {"bounds": (low, high)}
 
 
-def pushes_of(command: Any, sample: int | None = None) -> Any:
-    """The suite of a command with its model errors and profile, or a sample evenly spread over it."""
+def pushes_of(command: Any, suite: str | None, profile: str, sample: int | None = None) -> Any:
+    """A suite on the robots of a command, with its model errors, or a sample evenly spread over it."""
     from ..score import sensitivity, suites
 
-    suite = suites.pushes_on(command.env_id, command.suite, command.model_errors, command.profile)
-    return suite if sample is None else sensitivity.sample_of(suite, sample)
+    found = suites.pushes_on(command.env_id, suite, command.model_errors, profile)
+    return found if sample is None else sensitivity.sample_of(found, sample)
 
 
 def page_lines(write: Callable[[], Path]) -> list[str]:

@@ -104,7 +104,7 @@ class Play(EnvOptions, PushOptions):
     def _scenario(self) -> Scenario:
         """The scenario named, or the frontier's push with the options' force and direction."""
         if self.suite is not None or self.scenario is not None:
-            suite = options.pushes_of(self)
+            suite = options.pushes_of(self, self.suite, self.profile)
             found = {scenario.id: scenario for scenario in suite.scenarios}
             if self.scenario is None:
                 return suite.scenarios[0]

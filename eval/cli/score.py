@@ -49,14 +49,6 @@ class SuiteOptions(options.EnvOptions, options.ErrorOptions, options.TrustOption
             if paths and not self.json:
                 print(f"films: {evaluation.directory / FOLDER}")
 
-    def pushes_under(self, suite: str | None, profile: str) -> Any:
-        """A suite or its sample, with the model errors and a profile in every scenario."""
-        from ..score.sensitivity import sample_of
-        from ..score.suites import pushes_on
-
-        pushes = pushes_on(self.env_id, suite, self.model_errors, profile)
-        return pushes if self.sample is None else sample_of(pushes, self.sample)
-
     def write_page(
         self, command: str, found: Mapping[str, Any], directory: Path, positional: Sequence[str] = ()
     ) -> list[str]:
@@ -96,7 +88,7 @@ class Evaluate(SuiteOptions):
 
         self.check_film()
         suites = {  # unknown ones fail here
-            name: {profile: self.pushes_under(name, profile) for profile in self.profile}
+            name: {one: options.pushes_of(self, name, one, self.sample) for one in self.profile}
             for name in self.suite or (None,)
         }
         every = [suite for by_profile in suites.values() for suite in by_profile.values()]
@@ -161,7 +153,8 @@ class Compare(SuiteOptions, options.RobotOptions):
         from ..score import evaluate, report
 
         self.check_film()
-        suite, (a, b) = self.pushes_under(self.suite, self.profile), self.trusted((self.a, self.b))
+        suite = options.pushes_of(self, self.suite, self.profile, self.sample)
+        a, b = self.trusted((self.a, self.b))
         found = evaluate.compare(a, b, suite, self.env_id, self.processes, self.directory, self.overwrite)
         page = self.write_page("compare", {self.profile: found.evaluation}, found.directory, ("a", "b"))
         outcomes = f"outcomes: {found.directory / 'outcomes.jsonl'}"
@@ -286,7 +279,7 @@ class CeilingCommand(EnvOptions, options.RobotOptions, RunningOptions):
             policy=self.planner, steps=self.steps, population=self.population, elites=self.elites,
             generations=self.generations, spread=self.spread, scale=self.scale, seed=self.seed,
         )  # fmt: skip
-        suite = options.pushes_of(self, self.sample)
+        suite = options.pushes_of(self, self.suite, self.profile, self.sample)
         found = ceiling.ceiling(
             suite, self.env_id, self.policies, settings, self.processes, self.directory, self.overwrite
         )
@@ -318,7 +311,7 @@ class Corrections(EnvOptions, options.RobotOptions):
         from ..record import corrections
         from ..rollout.policy_source import acting_in
 
-        suite = options.pushes_of(self, self.sample)
+        suite = options.pushes_of(self, self.suite, self.profile, self.sample)
         directory, found = FOLDER if self.out is None else Path(self.out), []
         require_place(directory / f"corrections-{stem_or_hash([self.policy], self.policy)}.md")
         what = f"{self.sample} pushes of {suite.name}, each with {self.policy} and without"

@@ -159,7 +159,7 @@ class DatasetCommand(EnvOptions, options.RobotOptions, options.JsonOption):
         from ..output.tables import Table
         from ..record.dataset import write_datasets
 
-        suite = options.pushes_of(self)
+        suite = options.pushes_of(self, self.suite, self.profile)
         root = None if self.out is None else Path(self.out)
         with progress_bars(self.policies, len(suite.scenarios)) as bars:
             found = write_datasets(suite, self.env_id, self.policies, root, self.workers, bars)
